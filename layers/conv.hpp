@@ -1,0 +1,116 @@
+#pragma once
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "runtime/program.hpp"
+
+namespace ecir {
+
+/// The two families of convolution kernels.
+enum class ConvFamily {
+    lane, ///< shaders/conv_lane.comp, for drivers that run on a CPU; reads by device address
+    tile, ///< shaders/conv_tile.comp, storage buffers only, for GPUs and everything else
+};
+
+constexpr uint32_t kConvTileBlock = 8;        ///< channel block of the tile family
+constexpr uint64_t kConvUniformSlice = 65536; ///< bytes of weights that a lane-family dispatch can see
+
+/// The family for a device: lane on a CPU driver that has device addresses, else tile.
+ConvFamily conv_family(const DeviceInfo& info);
+
+/// Channels a block of a tensor that convolutions work on: 8, or the subgroup's 16 lanes.
+uint32_t channel_block(const DeviceInfo& info);
+
+struct ConvDesc {
+    uint32_t out_channels = 1;
+    uint32_t kernel = 3;     ///< 1, 3 or 5, square
+    uint32_t stride = 1;     ///< 1 or 2
+    bool transposed = false; ///< stride-2 transposed; the output's size says the output padding
+    bool relu = false;
+};
+
+/// Input channels of a convolution in the order of one input tensor: for each channel of the tensor its
+/// index among the weight's input channels. A convolution over a concatenation takes a list of these,
+/// a tensor each, and nothing is copied together.
+using ChannelMap = std::vector<uint32_t>;
+
+/// first, first + 1, ..., first + count - 1.
+ChannelMap channel_range(uint32_t first, uint32_t count);
+
+/// A convolution with zero padding kernel / 2, its weights packed and on the device:
+/// out = activation(conv(concat(inputs)) + bias + residual).
+class Conv {
+public:
+    /// weight: [out][in][k][k], transposed: [in][out][k][k] (PyTorch's orders), `in` being the
+    /// number of channels that all maps name. bias: [out], or empty for none.
+    /// Throws Error(device) for a kernel or stride it does not know and for sizes that disagree.
+    Conv(Device& device, const ConvDesc& desc, const std::vector<ChannelMap>& inputs,
+         std::span<const float> weight, std::span<const float> bias,
+         std::optional<ConvFamily> family = {});
+
+    /// Output pixels are ceil(H / stride) x ceil(W / stride); transposed: 2 H or 2 H - 1 as `output` has.
+    /// Inputs need a halo of kernel / 2 (transposed: 1) zeros and their channel padding finite; block
+    /// channel_block() or 1. Output and residual have block channel_block(). The output's halo is not
+    /// written. Throws Error(device) where shapes disagree.
+    void record(Program& program, std::span<const Tensor> inputs, const Tensor& output,
+                const std::optional<Tensor>& residual = {}) const;
+    void record(Program& program, const Tensor& input, const Tensor& output,
+                const std::optional<Tensor>& residual = {}) const {
+        record(program, std::span(&input, 1), output, residual);
+    }
+
+private:
+    /// Taps of one sub-pixel phase: input row = stride y + ky - pad_y, output row = step y + offset_y.
+    struct Phase {
+        uint32_t kernel_h;
+        uint32_t kernel_w;
+        uint32_t pad_y;
+        uint32_t pad_x;
+        uint32_t offset_y;
+        uint32_t offset_x;
+        std::vector<uint32_t> taps; ///< ky * kernel + kx in the weight, for each (row, column) here
+    };
+    struct Slice { ///< lane family: `count` input channels from `first` of one input
+        uint32_t input;
+        uint32_t first;
+        uint32_t count;
+        std::vector<uint64_t> offsets; ///< in weights_, for each chunk of output-channel groups
+        uint32_t groups_per_chunk;
+    };
+
+    void make_phases();
+    [[nodiscard]] float weight_at(std::span<const float> weight, uint32_t out, uint32_t in,
+                                  uint32_t tap) const;
+    void pack_lane(std::span<const float> weight);
+    void pack_tile(std::span<const float> weight);
+    void record_lane(Program& program, std::span<const Tensor> inputs, const Tensor& output,
+                     const std::optional<Tensor>& residual) const;
+    void record_tile(Program& program, std::span<const Tensor> inputs, const Tensor& output,
+                     const std::optional<Tensor>& residual) const;
+    void check(std::span<const Tensor> inputs, const Tensor& output,
+               const std::optional<Tensor>& residual) const;
+    [[nodiscard]] uint32_t groups() const { return (desc_.out_channels + block_ - 1) / block_; }
+    /// Bytes from the start of bias_ to its zeros, for slices that must not add the bias again.
+    [[nodiscard]] uint64_t zeros_offset() const {
+        return (uint64_t{groups()} * block_ * 4 + kBindingAlignment - 1) / kBindingAlignment *
+               kBindingAlignment;
+    }
+    [[nodiscard]] uint32_t step() const { return desc_.transposed ? 2 : 1; }
+
+    Device& device_;
+    ConvDesc desc_;
+    std::vector<ChannelMap> inputs_;
+    uint32_t in_channels_ = 0;
+    ConvFamily family_;
+    uint32_t block_;
+    std::vector<Phase> phases_;
+    std::vector<std::vector<Slice>> slices_;          ///< lane: by phase
+    std::vector<std::vector<uint64_t>> tile_offsets_; ///< tile: by phase and input, bytes
+    std::shared_ptr<const Buffer> weights_;
+    std::shared_ptr<const Buffer> bias_; ///< [groups][block], at zeros_offset() as many zeros
+};
+
+} // namespace ecir

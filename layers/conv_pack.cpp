@@ -1,0 +1,197 @@
+#include <algorithm>
+#include <string>
+
+#include "layers/conv.hpp"
+#include "runtime/error.hpp"
+
+// Where the weights of a convolution go: the order in which the kernels read them.
+
+namespace ecir {
+namespace {
+
+[[noreturn]] void fail(const std::string& what) { throw Error(ExitCode::device, "conv: " + what); }
+
+uint32_t round_up(uint32_t value, uint32_t multiple) {
+    return (value + multiple - 1) / multiple * multiple;
+}
+
+void append_aligned(std::vector<float>& all, const std::vector<float>& part) {
+    all.insert(all.end(), part.begin(), part.end());
+    constexpr size_t kFloats = kBindingAlignment / sizeof(float);
+    all.resize((all.size() + kFloats - 1) / kFloats * kFloats);
+}
+
+/// Input channels of one slice: enough work for each pass over the output, code that still compiles fast.
+uint32_t slice_channels(uint32_t taps) { return taps >= 12 ? 8 : taps >= 4 ? 16 : 32; }
+
+} // namespace
+
+Conv::Conv(Device& device, const ConvDesc& desc, const std::vector<ChannelMap>& inputs,
+           std::span<const float> weight, std::span<const float> bias,
+           std::optional<ConvFamily> family)
+    : device_(device), desc_(desc), inputs_(inputs),
+      family_(family.value_or(conv_family(device.info()))),
+      block_(family_ == ConvFamily::lane ? channel_block(device.info()) : kConvTileBlock) {
+    for (const ChannelMap& map : inputs) {
+        in_channels_ += static_cast<uint32_t>(map.size());
+    }
+    const size_t wanted =
+        size_t{desc.out_channels} * in_channels_ * desc.kernel * desc.kernel;
+    if (weight.size() != wanted || (!bias.empty() && bias.size() != desc.out_channels)) {
+        fail("weight has " + std::to_string(weight.size()) + " values, the shape needs " +
+             std::to_string(wanted));
+    }
+    make_phases();
+    std::vector<float> padded(zeros_offset() / sizeof(float) + size_t{groups()} * block_);
+    std::ranges::copy(bias, padded.begin());
+    bias_ = upload<float>(device, padded);
+    if (family_ == ConvFamily::lane) {
+        pack_lane(weight);
+    } else {
+        pack_tile(weight);
+    }
+}
+
+void Conv::make_phases() {
+    const uint32_t k = desc_.kernel;
+    if ((k != 1 && k != 3 && k != 5) || (desc_.stride != 1 && desc_.stride != 2) ||
+        (desc_.transposed && (desc_.stride != 2 || k == 1))) {
+        fail("kernel " + std::to_string(k) + " with stride " + std::to_string(desc_.stride) +
+             " is not supported");
+    }
+    if (!desc_.transposed) {
+        Phase phase{k, k, k / 2, k / 2, 0, 0, {}};
+        for (uint32_t tap = 0; tap < k * k; ++tap) {
+            phase.taps.push_back(tap);
+        }
+        phases_.push_back(phase);
+        return;
+    }
+    // out[2 j + p] = sum over ky = p + pad (mod 2) of w[ky] in[j + (p + pad - ky) / 2]: in the order of
+    // the input rows ky falls, from the largest of its parity.
+    struct Axis {
+        std::vector<uint32_t> taps;
+        uint32_t pad;
+    };
+    const int pad = static_cast<int>(k / 2);
+    const auto axis = [&](int p) {
+        Axis result{{}, 0};
+        for (int ky = static_cast<int>(k) - 1; ky >= 0; --ky) {
+            if ((p + pad - ky) % 2 == 0) {
+                if (result.taps.empty()) {
+                    result.pad = static_cast<uint32_t>((ky - p - pad) / 2);
+                }
+                result.taps.push_back(static_cast<uint32_t>(ky));
+            }
+        }
+        return result;
+    };
+    for (const uint32_t py : {0U, 1U}) {
+        for (const uint32_t px : {0U, 1U}) {
+            const Axis rows = axis(static_cast<int>(py));
+            const Axis columns = axis(static_cast<int>(px));
+            Phase phase{static_cast<uint32_t>(rows.taps.size()),
+                        static_cast<uint32_t>(columns.taps.size()),
+                        rows.pad,
+                        columns.pad,
+                        py,
+                        px,
+                        {}};
+            for (const uint32_t ky : rows.taps) {
+                for (const uint32_t kx : columns.taps) {
+                    phase.taps.push_back(ky * k + kx);
+                }
+            }
+            phases_.push_back(phase);
+        }
+    }
+}
+
+float Conv::weight_at(std::span<const float> weight, uint32_t out, uint32_t in,
+                      uint32_t tap) const {
+    if (out >= desc_.out_channels) {
+        return 0;
+    }
+    const size_t taps = size_t{desc_.kernel} * desc_.kernel;
+    const size_t pair = desc_.transposed ? size_t{in} * desc_.out_channels + out
+                                         : size_t{out} * in_channels_ + in;
+    return weight[pair * taps + tap];
+}
+
+void Conv::pack_lane(std::span<const float> weight) {
+    std::vector<float> all;
+    for (const Phase& phase : phases_) {
+        const auto taps = static_cast<uint32_t>(phase.taps.size());
+        std::vector<Slice> slices;
+        for (uint32_t input = 0; input < inputs_.size(); ++input) {
+            const auto channels = static_cast<uint32_t>(inputs_[input].size());
+            const uint32_t cap = slice_channels(taps);
+            for (uint32_t first = 0; first < channels;) {
+                // A few channels go in one exact slice, so that a layer with 1 or 9 wastes nothing.
+                const uint32_t rest = channels - first;
+                const uint32_t count = first == 0 && channels <= 10
+                                           ? channels
+                                           : std::min(cap, round_up(rest, kConvTileBlock));
+                const uint32_t pairs = (count * taps + 1) / 2;
+                const uint64_t group_bytes = uint64_t{pairs} * block_ * 8;
+                Slice slice{input, first, count, {}, 0};
+                slice.groups_per_chunk = std::min(
+                    groups(), static_cast<uint32_t>(kConvUniformSlice / group_bytes));
+                for (uint32_t group = 0; group < groups(); group += slice.groups_per_chunk) {
+                    const uint32_t end = std::min(groups(), group + slice.groups_per_chunk);
+                    std::vector<float> chunk(size_t{end - group} * pairs * block_ * 2);
+                    for (uint32_t g = group; g < end; ++g) {
+                        for (uint32_t i = 0; i < std::min(count, rest); ++i) {
+                            for (uint32_t t = 0; t < taps; ++t) {
+                                const uint32_t n = i * taps + t;
+                                for (uint32_t lane = 0; lane < block_; ++lane) {
+                                    const size_t at =
+                                        ((size_t{g - group} * pairs + n / 2) * block_ + lane) * 2 +
+                                        n % 2;
+                                    chunk[at] = weight_at(weight, g * block_ + lane,
+                                                          inputs_[input][first + i],
+                                                          phase.taps[t]);
+                                }
+                            }
+                        }
+                    }
+                    slice.offsets.push_back(all.size() * sizeof(float));
+                    append_aligned(all, chunk);
+                }
+                slices.push_back(std::move(slice));
+                first += count;
+            }
+        }
+        slices_.push_back(std::move(slices));
+    }
+    all.resize(all.size() + kConvUniformSlice / sizeof(float)); // the last binding is as long as the others
+    weights_ = upload<float>(device_, all);
+}
+
+void Conv::pack_tile(std::span<const float> weight) {
+    std::vector<float> all;
+    for (const Phase& phase : phases_) {
+        const auto taps = static_cast<uint32_t>(phase.taps.size());
+        std::vector<uint64_t> offsets;
+        for (const ChannelMap& map : inputs_) {
+            const auto channels = static_cast<uint32_t>(map.size());
+            const uint32_t padded = round_up(channels, kConvTileBlock);
+            std::vector<float> part(size_t{groups()} * padded * taps * block_);
+            for (uint32_t out = 0; out < groups() * block_; ++out) {
+                for (uint32_t in = 0; in < channels; ++in) {
+                    for (uint32_t t = 0; t < taps; ++t) {
+                        const size_t at =
+                            ((size_t{out / block_} * padded + in) * taps + t) * block_ + out % block_;
+                        part[at] = weight_at(weight, out, map[in], phase.taps[t]);
+                    }
+                }
+            }
+            offsets.push_back(all.size() * sizeof(float));
+            append_aligned(all, part);
+        }
+        tile_offsets_.push_back(std::move(offsets));
+    }
+    weights_ = upload<float>(device_, all);
+}
+
+} // namespace ecir

@@ -1,0 +1,58 @@
+#include "layers/conv_plane.hpp"
+
+namespace ecir {
+namespace {
+
+struct TapSumPush {
+    PushLayout taps;
+    PushLayout out;
+    uint32_t height = 0;
+    uint32_t width = 0;
+    uint32_t kernel = 0;
+};
+static_assert(sizeof(TapSumPush) == 44);
+
+/// [1][channels][k][k] as the 1x1 weight [k k][channels].
+std::vector<float> tap_major(std::span<const float> weight, uint32_t channels, uint32_t taps) {
+    std::vector<float> result(weight.size());
+    for (uint32_t channel = 0; channel < channels; ++channel) {
+        for (uint32_t tap = 0; tap < taps; ++tap) {
+            result[size_t{tap} * channels + channel] = weight[size_t{channel} * taps + tap];
+        }
+    }
+    return result;
+}
+
+} // namespace
+
+ConvPlane::ConvPlane(Device& device, uint32_t channels, uint32_t kernel,
+                     std::span<const float> weight)
+    : device_(device), kernel_(kernel),
+      taps_(device, {.out_channels = kernel * kernel, .kernel = 1}, {channel_range(0, channels)},
+            tap_major(weight, channels, kernel * kernel), {}) {}
+
+void ConvPlane::record(Program& program, const Tensor& input, const Tensor& output) const {
+    const Layout& out = output.layout();
+    const Tensor planes = program.temporary(
+        {kernel_ * kernel_, out.height, out.width, channel_block(device_.info()), 0});
+    taps_.record(program, input, planes);
+
+    TapSumPush push;
+    push.taps = PushLayout(planes);
+    push.out = PushLayout(output);
+    push.height = out.height;
+    push.width = out.width;
+    push.kernel = kernel_;
+    Dispatch dispatch;
+    dispatch.kernel = &device_.kernel("tap_sum", {}, 2, sizeof(push));
+    dispatch.arguments = {read(planes), write(output)};
+    dispatch.set_push(push);
+    dispatch.groups = {(out.width + 63) / 64, out.height, 1};
+    const double pixels = double{1} * out.height * out.width;
+    dispatch.flops = pixels * kernel_ * kernel_;
+    dispatch.bytes = 4.0 * pixels * (kernel_ * kernel_ + 1);
+    dispatch.label = "tap_sum";
+    program.add(std::move(dispatch));
+}
+
+} // namespace ecir

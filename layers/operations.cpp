@@ -1,0 +1,72 @@
+#include "layers/operations.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+
+#include "layers/reference/conv.hpp"
+
+namespace ecir {
+namespace {
+
+constexpr std::array kOperations = {
+    Operation{"conv", 1e-5, "float32 sums of up to 2000 products", 17, conv_trial},
+    Operation{"conv_tile", 1e-5, "float32 sums of up to 2000 products", 17, conv_tile_trial},
+    Operation{"conv_plane", 1e-5, "float32 sums of up to 400 products", 4, conv_plane_trial},
+};
+
+} // namespace
+
+std::span<const Operation> operations() { return kOperations; }
+
+TrialResult run_trial(const Operation& operation, Device& device, uint32_t index) {
+    const Trial trial = operation.make(device, index);
+    trial.program->run();
+    const auto memory = trial.program->read(trial.output);
+    const Layout& layout = trial.output.layout();
+    const auto values = to_dense(layout, memory);
+
+    TrialResult result{trial.shape, 0, values.size() == trial.reference.size()};
+    double largest = 0;
+    double error = 0;
+    for (size_t i = 0; result.ok && i < values.size(); ++i) {
+        result.ok = std::isfinite(values[i]);
+        largest = std::max(largest, std::abs(trial.reference[i]));
+        error = std::max(error, std::abs(double{values[i]} - trial.reference[i]));
+    }
+    result.error = result.ok ? error / std::max(largest, 1e-30)
+                             : std::numeric_limits<double>::infinity();
+    // Whatever is not a pixel is halo or channel padding, where the next layer expects zeros.
+    const auto clean = from_dense(layout, values);
+    result.ok = result.ok && result.error <= operation.tolerance && std::ranges::equal(clean, memory);
+    return result;
+}
+
+std::vector<float> to_dense(const Layout& layout, std::span<const float> memory) {
+    std::vector<float> dense;
+    dense.reserve(size_t{layout.channels} * layout.height * layout.width);
+    for (uint32_t c = 0; c < layout.channels; ++c) {
+        for (uint32_t y = 0; y < layout.height; ++y) {
+            for (uint32_t x = 0; x < layout.width; ++x) {
+                dense.push_back(memory[layout.offset(c, y, x)]);
+            }
+        }
+    }
+    return dense;
+}
+
+std::vector<float> from_dense(const Layout& layout, std::span<const float> dense) {
+    std::vector<float> memory(layout.elements());
+    size_t i = 0;
+    for (uint32_t c = 0; c < layout.channels; ++c) {
+        for (uint32_t y = 0; y < layout.height; ++y) {
+            for (uint32_t x = 0; x < layout.width; ++x) {
+                memory[layout.offset(c, y, x)] = dense[i++];
+            }
+        }
+    }
+    return memory;
+}
+
+} // namespace ecir

@@ -1,0 +1,236 @@
+#include "layers/reference/conv.hpp"
+
+#include <algorithm>
+#include <array>
+#include <string>
+
+#include "layers/conv.hpp"
+#include "layers/conv_plane.hpp"
+
+namespace ecir::reference {
+
+std::vector<double> conv(std::span<const double> in, uint32_t channels, uint32_t height,
+                         uint32_t width, std::span<const float> weight, uint32_t out,
+                         uint32_t kernel, uint32_t stride) {
+    const uint32_t out_height = (height + stride - 1) / stride;
+    const uint32_t out_width = (width + stride - 1) / stride;
+    const int pad = static_cast<int>(kernel / 2);
+    std::vector<double> result(size_t{out} * out_height * out_width);
+    for (uint32_t o = 0; o < out; ++o) {
+        for (uint32_t y = 0; y < out_height; ++y) {
+            for (uint32_t x = 0; x < out_width; ++x) {
+                double sum = 0;
+                for (uint32_t i = 0; i < channels; ++i) {
+                    for (uint32_t ky = 0; ky < kernel; ++ky) {
+                        for (uint32_t kx = 0; kx < kernel; ++kx) {
+                            const int iy = static_cast<int>(stride * y + ky) - pad;
+                            const int ix = static_cast<int>(stride * x + kx) - pad;
+                            if (iy < 0 || ix < 0 || iy >= static_cast<int>(height) ||
+                                ix >= static_cast<int>(width)) {
+                                continue;
+                            }
+                            const size_t tap = ((size_t{o} * channels + i) * kernel + ky) * kernel + kx;
+                            const size_t pixel = (size_t{i} * height + static_cast<size_t>(iy)) * width +
+                                                 static_cast<size_t>(ix);
+                            sum += double{weight[tap]} * in[pixel];
+                        }
+                    }
+                }
+                result[(size_t{o} * out_height + y) * out_width + x] = sum;
+            }
+        }
+    }
+    return result;
+}
+
+std::vector<double> conv_transposed(std::span<const double> in, uint32_t channels, uint32_t height,
+                                    uint32_t width, std::span<const float> weight, uint32_t out,
+                                    uint32_t kernel, uint32_t out_height, uint32_t out_width) {
+    const int pad = static_cast<int>(kernel / 2);
+    std::vector<double> result(size_t{out} * out_height * out_width);
+    for (uint32_t i = 0; i < channels; ++i) {
+        for (uint32_t o = 0; o < out; ++o) {
+            for (uint32_t y = 0; y < height; ++y) {
+                for (uint32_t x = 0; x < width; ++x) {
+                    for (uint32_t ky = 0; ky < kernel; ++ky) {
+                        for (uint32_t kx = 0; kx < kernel; ++kx) {
+                            const int oy = static_cast<int>(2 * y + ky) - pad;
+                            const int ox = static_cast<int>(2 * x + kx) - pad;
+                            if (oy < 0 || ox < 0 || oy >= static_cast<int>(out_height) ||
+                                ox >= static_cast<int>(out_width)) {
+                                continue;
+                            }
+                            const size_t tap = ((size_t{i} * out + o) * kernel + ky) * kernel + kx;
+                            const size_t pixel =
+                                (size_t{o} * out_height + static_cast<size_t>(oy)) * out_width +
+                                static_cast<size_t>(ox);
+                            result[pixel] +=
+                                double{weight[tap]} * in[(size_t{i} * height + y) * width + x];
+                        }
+                    }
+                }
+            }
+        }
+    }
+    return result;
+}
+
+} // namespace ecir::reference
+
+namespace ecir {
+namespace {
+
+struct Case {
+    uint32_t kernel;
+    uint32_t stride;
+    bool transposed;
+    std::vector<uint32_t> inputs; ///< channels of each input tensor
+    uint32_t out;
+    uint32_t height; ///< of the output when transposed, else of the input
+    uint32_t width;
+    bool bias;
+    bool relu;
+    bool residual;
+    uint32_t in_block; ///< 0 for the device's
+};
+
+/// Every kernel, stride and number of inputs, channels that fill blocks and that do not, odd sizes, one
+/// pixel, both tiles of the lane family, several slices and several chunks of weights.
+const std::vector<Case>& cases() {
+    static const std::vector<Case> all = {
+        {3, 1, false, {3}, 5, 7, 9, true, true, false, 0},
+        {3, 1, false, {9}, 32, 6, 43, false, true, false, 0},
+        {3, 1, false, {40}, 24, 5, 17, true, true, true, 0},
+        {3, 1, false, {1}, 32, 9, 31, false, true, false, 1},
+        {3, 1, false, {16}, 264, 3, 5, true, false, true, 0},
+        {3, 2, false, {20}, 12, 1, 1, true, false, false, 0},
+        {3, 2, false, {8}, 8, 13, 11, false, false, true, 0},
+        {5, 2, false, {40, 11}, 16, 11, 43, true, true, false, 0},
+        {5, 2, false, {24}, 80, 8, 22, true, true, false, 0},
+        {5, 1, false, {8, 3}, 9, 6, 21, true, false, false, 0},
+        {1, 1, false, {32, 40, 11}, 10, 5, 23, true, false, false, 0},
+        {1, 1, false, {5}, 3, 1, 1, true, true, false, 0},
+        {1, 2, false, {8}, 8, 5, 6, false, false, false, 0},
+        {5, 2, true, {24, 24}, 16, 9, 43, false, true, false, 0},
+        {5, 2, true, {12}, 7, 10, 12, false, false, false, 0},
+        {5, 2, true, {8}, 8, 1, 1, true, true, false, 0},
+        {3, 2, true, {8}, 8, 7, 6, true, false, true, 0},
+    };
+    return all;
+}
+
+std::string describe(const Case& c) {
+    std::string inputs;
+    for (const uint32_t channels : c.inputs) {
+        inputs += (inputs.empty() ? "" : "+") + std::to_string(channels);
+    }
+    return std::to_string(c.kernel) + "x" + std::to_string(c.kernel) + " s" +
+           std::to_string(c.stride) + (c.transposed ? " transposed " : " ") + inputs + "->" +
+           std::to_string(c.out) + " " + std::to_string(c.width) + "x" + std::to_string(c.height);
+}
+
+Trial make_trial(Device& device, uint32_t index, ConvFamily family) {
+    const Case& c = cases().at(index);
+    CaseRandom random(index);
+    Trial trial;
+    trial.shape = describe(c);
+    trial.program = std::make_unique<Program>(device);
+    Program& program = *trial.program;
+
+    const uint32_t block = family == ConvFamily::lane ? channel_block(device.info()) : kConvTileBlock;
+    const uint32_t in_height = c.transposed ? (c.height + 1) / 2 : c.height;
+    const uint32_t in_width = c.transposed ? (c.width + 1) / 2 : c.width;
+    const uint32_t out_height = c.transposed ? c.height : (c.height + c.stride - 1) / c.stride;
+    const uint32_t out_width = c.transposed ? c.width : (c.width + c.stride - 1) / c.stride;
+
+    // The maps reverse the order of the tensors, so that they are seen to be followed.
+    std::vector<ChannelMap> maps(c.inputs.size());
+    uint32_t total = 0;
+    for (size_t i = c.inputs.size(); i-- > 0;) {
+        maps[i] = channel_range(total, c.inputs[i]);
+        total += c.inputs[i];
+    }
+    const auto weight = random.values(size_t{total} * c.out * c.kernel * c.kernel, -0.5, 0.5);
+    const auto bias = c.bias ? random.values(c.out, -1, 1) : std::vector<float>{};
+
+    std::vector<double> all(size_t{total} * in_height * in_width);
+    std::vector<Tensor> tensors;
+    std::vector<std::vector<float>> memory;
+    for (size_t i = 0; i < c.inputs.size(); ++i) {
+        const Layout layout{c.inputs[i], in_height, in_width, c.in_block != 0 ? c.in_block : block, 2};
+        const auto dense = random.values(size_t{c.inputs[i]} * in_height * in_width, -1, 1);
+        std::ranges::copy(dense, all.begin() + static_cast<std::ptrdiff_t>(size_t{maps[i].front()} *
+                                                                           in_height * in_width));
+        tensors.push_back(program.input(layout));
+        memory.push_back(from_dense(layout, dense));
+    }
+    const Layout out_layout{c.out, out_height, out_width, block, 1};
+    trial.output = program.output(out_layout);
+    program.clear(trial.output);
+    std::optional<Tensor> residual;
+    std::vector<float> residual_dense;
+    if (c.residual) {
+        residual_dense = random.values(size_t{c.out} * out_height * out_width, -1, 1);
+        const Layout layout{c.out, out_height, out_width, block, 0};
+        residual = program.input(layout);
+    }
+    const ConvDesc desc{c.out, c.kernel, c.stride, c.transposed, c.relu};
+    const Conv layer(device, desc, maps, weight, bias, family);
+    layer.record(program, tensors, trial.output, residual);
+    program.finish();
+    for (size_t i = 0; i < tensors.size(); ++i) {
+        program.write(tensors[i], memory[i]);
+    }
+    if (residual) {
+        program.write(*residual, from_dense(residual->layout(), residual_dense));
+    }
+
+    trial.reference =
+        c.transposed ? reference::conv_transposed(all, total, in_height, in_width, weight, c.out,
+                                                  c.kernel, out_height, out_width)
+                     : reference::conv(all, total, in_height, in_width, weight, c.out, c.kernel, c.stride);
+    for (size_t i = 0; i < trial.reference.size(); ++i) {
+        double& value = trial.reference[i];
+        value += c.bias ? bias[i / (size_t{out_height} * out_width)] : 0.0F;
+        value += c.residual ? residual_dense[i] : 0.0F;
+        value = c.relu ? std::max(value, 0.0) : value;
+    }
+    return trial;
+}
+
+} // namespace
+
+Trial conv_trial(Device& device, uint32_t trial) {
+    return make_trial(device, trial, conv_family(device.info()));
+}
+
+Trial conv_tile_trial(Device& device, uint32_t trial) {
+    return make_trial(device, trial, ConvFamily::tile);
+}
+
+Trial conv_plane_trial(Device& device, uint32_t index) {
+    constexpr std::array<std::array<uint32_t, 3>, 4> kShapes = {
+        {{32, 9, 23}, {1, 1, 1}, {8, 5, 4}, {40, 3, 45}}};
+    const auto [channels, height, width] = kShapes.at(index);
+    CaseRandom random(index);
+    Trial trial;
+    trial.shape = "3x3 " + std::to_string(channels) + "->1 " + std::to_string(width) + "x" +
+                  std::to_string(height);
+    trial.program = std::make_unique<Program>(device);
+    Program& program = *trial.program;
+    const Layout in{channels, height, width, channel_block(device.info()), 0};
+    const Tensor input = program.input(in);
+    trial.output = program.output({1, height, width, 1, 1});
+    program.clear(trial.output);
+    const auto weight = random.values(size_t{channels} * 9, -0.5, 0.5);
+    const auto dense = random.values(size_t{channels} * height * width, -1, 1);
+    const ConvPlane layer(device, channels, 3, weight);
+    layer.record(program, input, trial.output);
+    program.finish();
+    program.write(input, from_dense(in, dense));
+    trial.reference = reference::conv(std::vector<double>(dense.begin(), dense.end()), channels,
+                                      height, width, weight, 1, 3, 1);
+    return trial;
+}
+
+} // namespace ecir

@@ -1,0 +1,264 @@
+#include "runtime/device.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cctype>
+#include <charconv>
+
+#include "runtime/error.hpp"
+#include "runtime/kernel.hpp"
+
+namespace ecir {
+namespace {
+
+const char* type_name(VkPhysicalDeviceType type) {
+    switch (type) {
+    case VK_PHYSICAL_DEVICE_TYPE_DISCRETE_GPU:
+        return "discrete GPU";
+    case VK_PHYSICAL_DEVICE_TYPE_INTEGRATED_GPU:
+        return "integrated GPU";
+    case VK_PHYSICAL_DEVICE_TYPE_VIRTUAL_GPU:
+        return "virtual GPU";
+    case VK_PHYSICAL_DEVICE_TYPE_CPU:
+        return "CPU";
+    default:
+        return "other";
+    }
+}
+
+/// Order of preference for the default: the lower the better.
+int rank(const DeviceInfo& info) {
+    constexpr std::array<const char*, 5> kOrder = {"discrete GPU", "integrated GPU", "virtual GPU",
+                                                   "other", "CPU"};
+    return static_cast<int>(std::ranges::find(kOrder, info.type) - kOrder.begin());
+}
+
+std::string lower(std::string text) {
+    std::ranges::transform(text, text.begin(),
+                           [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+    return text;
+}
+
+std::vector<VkQueueFamilyProperties> queue_families(VkPhysicalDevice physical) {
+    uint32_t count = 0;
+    vkGetPhysicalDeviceQueueFamilyProperties(physical, &count, nullptr);
+    std::vector<VkQueueFamilyProperties> families(count);
+    vkGetPhysicalDeviceQueueFamilyProperties(physical, &count, families.data());
+    return families;
+}
+
+/// The first family with compute, or UINT32_MAX.
+uint32_t compute_family(VkPhysicalDevice physical) {
+    const auto families = queue_families(physical);
+    for (uint32_t i = 0; i < families.size(); ++i) {
+        if ((families[i].queueFlags & VK_QUEUE_COMPUTE_BIT) != 0) {
+            return i;
+        }
+    }
+    return UINT32_MAX;
+}
+
+DeviceInfo describe(VkPhysicalDevice physical, uint32_t index) {
+    VkPhysicalDeviceProperties basic{};
+    vkGetPhysicalDeviceProperties(physical, &basic);
+    const bool has12 = basic.apiVersion >= VK_API_VERSION_1_2;
+
+    VkPhysicalDeviceDriverProperties driver{};
+    driver.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_DRIVER_PROPERTIES;
+    VkPhysicalDeviceMaintenance3Properties maintenance{};
+    maintenance.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_MAINTENANCE_3_PROPERTIES;
+    maintenance.pNext = has12 ? &driver : nullptr;
+    VkPhysicalDeviceSubgroupProperties subgroup{};
+    subgroup.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_SUBGROUP_PROPERTIES;
+    subgroup.pNext = &maintenance;
+    VkPhysicalDeviceProperties2 properties{};
+    properties.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2;
+    properties.pNext = &subgroup;
+    vkGetPhysicalDeviceProperties2(physical, &properties);
+
+    VkPhysicalDeviceVulkan12Features features12{};
+    features12.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_2_FEATURES;
+    VkPhysicalDevice16BitStorageFeatures storage16{};
+    storage16.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_16BIT_STORAGE_FEATURES;
+    storage16.pNext = has12 ? &features12 : nullptr;
+    VkPhysicalDeviceFeatures2 features{};
+    features.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_FEATURES_2;
+    features.pNext = &storage16;
+    vkGetPhysicalDeviceFeatures2(physical, &features);
+
+    VkPhysicalDeviceMemoryProperties memory{};
+    vkGetPhysicalDeviceMemoryProperties(physical, &memory);
+
+    DeviceInfo info;
+    info.index = index;
+    info.name = basic.deviceName;
+    info.type = type_name(basic.deviceType);
+    info.is_cpu = basic.deviceType == VK_PHYSICAL_DEVICE_TYPE_CPU;
+    info.driver = has12 ? std::string(driver.driverName) + " " + driver.driverInfo
+                        : "version " + std::to_string(basic.driverVersion);
+    info.subgroup_size = subgroup.subgroupSize;
+    info.buffer_address = has12 && features12.bufferDeviceAddress == VK_TRUE &&
+                          features.features.shaderInt64 == VK_TRUE &&
+                          features12.scalarBlockLayout == VK_TRUE;
+    info.storage16 = storage16.storageBuffer16BitAccess == VK_TRUE;
+    info.float16 = has12 && features12.shaderFloat16 == VK_TRUE;
+    info.timestamp_ns = static_cast<double>(basic.limits.timestampPeriod);
+    const uint32_t family = compute_family(physical);
+    info.timestamps =
+        family != UINT32_MAX && queue_families(physical)[family].timestampValidBits > 0;
+    info.max_storage_range = basic.limits.maxStorageBufferRange;
+    info.max_uniform_range = basic.limits.maxUniformBufferRange;
+    info.max_push_bytes = basic.limits.maxPushConstantsSize;
+    info.max_allocation = maintenance.maxMemoryAllocationSize;
+    info.uniform_alignment = basic.limits.minUniformBufferOffsetAlignment;
+    info.storage_alignment = basic.limits.minStorageBufferOffsetAlignment;
+    for (uint32_t i = 0; i < memory.memoryTypeCount; ++i) {
+        if ((memory.memoryTypes[i].propertyFlags & VK_MEMORY_PROPERTY_DEVICE_LOCAL_BIT) != 0) {
+            info.heap_bytes =
+                std::max(info.heap_bytes, memory.memoryHeaps[memory.memoryTypes[i].heapIndex].size);
+        }
+    }
+    return info;
+}
+
+std::vector<DeviceInfo> describe_all(const Instance& instance) {
+    std::vector<DeviceInfo> devices;
+    for (const VkPhysicalDevice physical : instance.physical_devices()) {
+        devices.push_back(describe(physical, static_cast<uint32_t>(devices.size())));
+    }
+    if (devices.empty()) {
+        throw Error(ExitCode::device,
+                    "no Vulkan device was found; for a GPU install its vendor's driver, for the "
+                    "CPU driver lavapipe on Debian: apt-get install mesa-vulkan-drivers");
+    }
+    std::ranges::min_element(devices, {}, rank)->is_default = true;
+    return devices;
+}
+
+size_t choose(const std::vector<DeviceInfo>& devices, const std::string& selector) {
+    if (selector.empty()) {
+        const auto chosen = std::ranges::find_if(devices, &DeviceInfo::is_default);
+        return static_cast<size_t>(chosen - devices.begin());
+    }
+    size_t index = 0;
+    const char* end = selector.data() + selector.size();
+    const auto [stop, error] = std::from_chars(selector.data(), end, index);
+    const bool is_number = error == std::errc{} && stop == end;
+    if (is_number && index < devices.size()) {
+        return index;
+    }
+    if (!is_number) {
+        for (const DeviceInfo& device : devices) {
+            if (lower(device.name).find(lower(selector)) != std::string::npos) {
+                return device.index;
+            }
+        }
+    }
+    std::string message = "no Vulkan device matches '" + selector + "'; there are:";
+    for (const DeviceInfo& device : devices) {
+        message += "\n  " + std::to_string(device.index) + ": " + device.name + " (" + device.type + ")";
+    }
+    throw Error(ExitCode::device, message);
+}
+
+} // namespace
+
+std::vector<DeviceInfo> Device::list() { return describe_all(*Instance::shared()); }
+
+std::shared_ptr<Device> Device::open(const std::string& selector) {
+    auto instance = Instance::shared();
+    const auto devices = describe_all(*instance);
+    const size_t index = choose(devices, selector);
+    const auto physical = instance->physical_devices();
+    return std::shared_ptr<Device>(new Device(instance, physical[index], devices[index]));
+}
+
+Device::Device(std::shared_ptr<Instance> instance, VkPhysicalDevice physical, DeviceInfo info)
+    : instance_(std::move(instance)), physical_(physical), info_(std::move(info)) {
+    vkGetPhysicalDeviceMemoryProperties(physical_, &memory_);
+    queue_family_ = compute_family(physical_);
+    if (queue_family_ == UINT32_MAX) {
+        throw Error(ExitCode::device, info_.name + " has no compute queue; choose another with -g");
+    }
+    const float priority = 1;
+    VkDeviceQueueCreateInfo queue{};
+    queue.sType = VK_STRUCTURE_TYPE_DEVICE_QUEUE_CREATE_INFO;
+    queue.queueFamilyIndex = queue_family_;
+    queue.queueCount = 1;
+    queue.pQueuePriorities = &priority;
+
+    VkPhysicalDeviceVulkan12Features features12{};
+    features12.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_2_FEATURES;
+    features12.bufferDeviceAddress = VK_TRUE;
+    features12.scalarBlockLayout = VK_TRUE;
+    VkPhysicalDeviceFeatures features{};
+    features.shaderInt64 = VK_TRUE;
+    VkDeviceCreateInfo create{};
+    create.sType = VK_STRUCTURE_TYPE_DEVICE_CREATE_INFO;
+    create.queueCreateInfoCount = 1;
+    create.pQueueCreateInfos = &queue;
+    if (info_.buffer_address) {
+        create.pNext = &features12;
+        create.pEnabledFeatures = &features;
+    }
+    vk_check(vkCreateDevice(physical_, &create, nullptr, &device_), "vkCreateDevice");
+    vkGetDeviceQueue(device_, queue_family_, 0, &queue_);
+
+    VkFenceCreateInfo fence_info{};
+    fence_info.sType = VK_STRUCTURE_TYPE_FENCE_CREATE_INFO;
+    VkFence fence = VK_NULL_HANDLE;
+    vk_check(vkCreateFence(device_, &fence_info, nullptr, &fence), "vkCreateFence");
+    fence_ = Handle<VkFence>(fence, device_, vkDestroyFence);
+    kernels_ = std::make_unique<KernelCache>(*this);
+}
+
+Device::~Device() {
+    kernels_.reset();
+    fence_.reset();
+    vkDestroyDevice(device_, nullptr);
+}
+
+const Kernel& Device::kernel(std::string_view shader, std::span<const uint32_t> constants,
+                             uint32_t bindings, uint32_t push_bytes) {
+    const Kernel& kernel = kernels_->get(shader, constants);
+    const Reflection& found = kernel.reflection();
+    if (found.bindings.size() != bindings || found.push_bytes != push_bytes) {
+        throw Error(ExitCode::device,
+                    "shader " + std::string(shader) + " declares " +
+                        std::to_string(found.bindings.size()) + " bindings and " +
+                        std::to_string(found.push_bytes) + " push-constant bytes, but its layer gives " +
+                        std::to_string(bindings) + " and " + std::to_string(push_bytes));
+    }
+    return kernel;
+}
+
+uint32_t Device::memory_type(uint32_t types, VkMemoryPropertyFlags wanted,
+                             VkMemoryPropertyFlags liked) const {
+    for (const VkMemoryPropertyFlags flags : {wanted | liked, wanted}) {
+        for (uint32_t i = 0; i < memory_.memoryTypeCount; ++i) {
+            const bool allowed = (types >> i & 1U) != 0;
+            if (allowed && (memory_.memoryTypes[i].propertyFlags & flags) == flags) {
+                return i;
+            }
+        }
+    }
+    throw Error(ExitCode::device, info_.name + " has no memory of the kind that is needed");
+}
+
+void Device::submit(std::span<const VkCommandBuffer> commands) {
+    for (size_t i = 0; i < commands.size(); ++i) {
+        VkSubmitInfo info{};
+        info.sType = VK_STRUCTURE_TYPE_SUBMIT_INFO;
+        info.commandBufferCount = 1;
+        info.pCommandBuffers = &commands[i];
+        const bool last = i + 1 == commands.size();
+        vk_check(vkQueueSubmit(queue_, 1, &info, last ? fence_.get() : VK_NULL_HANDLE),
+                 "vkQueueSubmit");
+    }
+    const VkFence fence = fence_.get();
+    vk_check(vkWaitForFences(device_, 1, &fence, VK_TRUE, UINT64_MAX), "vkWaitForFences");
+    vk_check(vkResetFences(device_, 1, &fence), "vkResetFences");
+    check_validation();
+}
+
+} // namespace ecir

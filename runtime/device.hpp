@@ -1,0 +1,87 @@
+#pragma once
+#include <memory>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "runtime/buffer.hpp"
+#include "runtime/instance.hpp"
+#include "runtime/vk.hpp"
+
+namespace ecir {
+
+class Kernel;
+class KernelCache;
+
+/// What a device is and offers; everything here was asked for, nothing assumed.
+struct DeviceInfo {
+    uint32_t index = 0; ///< position in Device::list(), the number that -g takes
+    std::string name;
+    std::string type;   ///< "discrete GPU", "integrated GPU", "virtual GPU", "CPU" or "other"
+    std::string driver; ///< driver name and version
+    bool is_cpu = false;
+    bool is_default = false;
+    uint32_t subgroup_size = 0;
+    bool buffer_address = false; ///< bufferDeviceAddress and shaderInt64
+    bool storage16 = false;      ///< 16-bit values in storage buffers
+    bool float16 = false;        ///< float16 arithmetic
+    bool timestamps = false;
+    double timestamp_ns = 1;     ///< nanoseconds a timestamp tick
+    uint64_t max_storage_range = 0;
+    uint64_t max_uniform_range = 0;
+    uint32_t max_push_bytes = 0;
+    uint64_t max_allocation = 0;
+    uint64_t heap_bytes = 0; ///< of the heap that device buffers come from
+    uint64_t uniform_alignment = 1;
+    uint64_t storage_alignment = 1;
+};
+
+/// One logical device with one compute queue.
+class Device {
+public:
+    /// All devices, the default one marked: a discrete GPU, else an integrated or virtual one, else
+    /// a CPU driver. Throws Error(device) saying what to install when there is none.
+    static std::vector<DeviceInfo> list();
+
+    /// Opens the default device, or the one whose index or part of whose name `selector` is
+    /// (upper and lower case alike). Throws Error(device) listing the devices when none matches.
+    static std::shared_ptr<Device> open(const std::string& selector = {});
+
+    ~Device();
+    Device(const Device&) = delete;
+    Device& operator=(const Device&) = delete;
+
+    [[nodiscard]] const DeviceInfo& info() const { return info_; }
+    [[nodiscard]] VkDevice handle() const { return device_; }
+    [[nodiscard]] VkQueue queue() const { return queue_; }
+    [[nodiscard]] uint32_t queue_family() const { return queue_family_; }
+
+    /// The kernel `shader` (a file name in shaders/ without .comp) with its specialization constants
+    /// 0, 1, ... set, made once and kept. Its bindings and push-constant block are reflected from the
+    /// SPIR-V; throws Error(device) when they do not match what the caller expects.
+    const Kernel& kernel(std::string_view shader, std::span<const uint32_t> constants,
+                         uint32_t bindings, uint32_t push_bytes);
+
+    /// Index of a memory type with all `wanted` flags among `types`, preferring `liked` ones too.
+    [[nodiscard]] uint32_t memory_type(uint32_t types, VkMemoryPropertyFlags wanted,
+                                       VkMemoryPropertyFlags liked) const;
+
+    /// Runs command buffers in order, one submission each, and waits for the last.
+    void submit(std::span<const VkCommandBuffer> commands);
+
+private:
+    Device(std::shared_ptr<Instance> instance, VkPhysicalDevice physical, DeviceInfo info);
+
+    std::shared_ptr<Instance> instance_;
+    VkPhysicalDevice physical_;
+    DeviceInfo info_;
+    VkPhysicalDeviceMemoryProperties memory_{};
+    VkDevice device_ = VK_NULL_HANDLE;
+    VkQueue queue_ = VK_NULL_HANDLE;
+    uint32_t queue_family_ = 0;
+    Handle<VkFence> fence_;
+    std::unique_ptr<KernelCache> kernels_;
+};
+
+} // namespace ecir

@@ -1,0 +1,72 @@
+#pragma once
+#include <array>
+#include <cstdint>
+#include <map>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "runtime/vk.hpp"
+
+namespace ecir {
+
+class Device;
+
+/// What a shader's SPIR-V declares.
+struct Reflection {
+    struct Binding {
+        uint32_t index;
+        bool uniform; ///< uniform buffer (bound with a dynamic offset), else storage buffer
+    };
+    std::vector<Binding> bindings; ///< set 0, by index: 0, 1, 2, ...
+    uint32_t push_bytes = 0;
+};
+
+/// Reads bindings and push-constant size. Throws Error(device) for a shader outside the conventions:
+/// descriptor set 0 only, bindings numbered without gaps, storage and uniform buffers only.
+Reflection reflect(std::string_view name, std::span<const uint32_t> spirv);
+
+/// SPIR-V of a shader built into the library; throws Error(device) for an unknown name.
+std::span<const uint32_t> embedded_shader(std::string_view name);
+
+/// A compute pipeline made from one shader and its specialization constants.
+class Kernel {
+public:
+    Kernel(Device& device, std::string_view name, std::span<const uint32_t> constants,
+           VkPipelineCache cache);
+
+    [[nodiscard]] const std::string& name() const { return name_; }
+    [[nodiscard]] const Reflection& reflection() const { return reflection_; }
+    [[nodiscard]] VkPipeline pipeline() const { return pipeline_.get(); }
+    [[nodiscard]] VkPipelineLayout layout() const { return layout_.get(); }
+    [[nodiscard]] VkDescriptorSetLayout set_layout() const { return set_layout_.get(); }
+
+private:
+    std::string name_;
+    Reflection reflection_;
+    Handle<VkDescriptorSetLayout> set_layout_;
+    Handle<VkPipelineLayout> layout_;
+    Handle<VkPipeline> pipeline_;
+};
+
+/// Kernels of one device, made on first use; the driver's pipeline cache is kept on disk
+/// ($XDG_CACHE_HOME/ecir or ~/.cache/ecir; ECIR_CACHE_DIR sets another folder, empty for none).
+class KernelCache {
+public:
+    explicit KernelCache(Device& device);
+    ~KernelCache();
+    KernelCache(const KernelCache&) = delete;
+    KernelCache& operator=(const KernelCache&) = delete;
+
+    const Kernel& get(std::string_view name, std::span<const uint32_t> constants);
+
+private:
+    Device& device_;
+    std::string file_;
+    Handle<VkPipelineCache> cache_;
+    size_t loaded_bytes_ = 0;
+    std::map<std::pair<std::string, std::vector<uint32_t>>, Kernel> kernels_;
+};
+
+} // namespace ecir

@@ -1,0 +1,163 @@
+#pragma once
+#include <array>
+#include <cstring>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "runtime/arena.hpp"
+#include "runtime/buffer.hpp"
+#include "runtime/device.hpp"
+#include "runtime/kernel.hpp"
+#include "runtime/tensor.hpp"
+
+namespace ecir {
+
+enum class Access { read, write, update };
+
+/// One argument of a kernel: a tensor, or a buffer that several programs share (weights).
+struct Argument {
+    Tensor tensor;
+    std::shared_ptr<const Buffer> buffer;
+    uint64_t offset = 0; ///< of a buffer: where the kernel's view of it starts
+    Access access = Access::read;
+};
+inline Argument read(const Tensor& tensor) { return {tensor, {}, 0, Access::read}; }
+inline Argument write(const Tensor& tensor) { return {tensor, {}, 0, Access::write}; }
+inline Argument update(const Tensor& tensor) { return {tensor, {}, 0, Access::update}; }
+inline Argument constant(std::shared_ptr<const Buffer> buffer, uint64_t offset = 0) {
+    return {{}, std::move(buffer), offset, Access::read};
+}
+
+/// One launch of a kernel.
+struct Dispatch {
+    const Kernel* kernel = nullptr;
+    std::vector<Argument> arguments; ///< binding 0, 1, ...
+    /// Arguments read through device addresses: the address is written into the push constants at
+    /// byte `push_offset` when the program is recorded.
+    struct Pointer {
+        uint32_t push_offset;
+        Argument argument;
+        uint64_t byte_offset = 0;
+    };
+    std::vector<Pointer> pointers;
+    std::vector<std::byte> push;
+    std::array<uint32_t, 3> groups{1, 1, 1};
+    double flops = 0; ///< arithmetic operations, for splitting long work and for bench
+    double bytes = 0; ///< memory traffic at the least
+    std::string label;
+
+    template <typename T> void set_push(const T& constants) {
+        static_assert(std::is_trivially_copyable_v<T>);
+        push.resize(sizeof(T));
+        std::memcpy(push.data(), &constants, sizeof(T));
+    }
+};
+
+/// Time of one dispatch of a profiled run.
+struct DispatchTime {
+    std::string label;
+    double ms = 0;
+    double flops = 0;
+    double bytes = 0;
+};
+
+/// Work recorded once for a shape and replayed for each frame.
+///
+/// Tensors live in one arena whose offsets are planned from lifetimes (the first and the last step
+/// that touches them); barriers stand only where a step touches bytes that an earlier one wrote, or
+/// writes bytes that an earlier one read; long work is split into several submissions.
+class Program {
+public:
+    explicit Program(Device& device) : device_(device) {}
+    Program(const Program&) = delete;
+    Program& operator=(const Program&) = delete;
+
+    /// A tensor that the host writes before a run, whose content stays for the runs after it.
+    Tensor input(const Layout& layout);
+    /// A tensor that the host reads after a run.
+    Tensor output(const Layout& layout);
+    /// A tensor between steps; its memory is shared with others that live at other times.
+    Tensor temporary(const Layout& layout);
+
+    void add(Dispatch dispatch);
+    /// Fills a whole tensor with zeros.
+    void clear(const Tensor& tensor);
+
+    /// Plans the memory and records. Throws Error(resources) with both figures when the arena, or one
+    /// tensor, is more than the device has; nothing has run by then.
+    void finish();
+
+    /// Data of an input: dense channels x height x width (or a shorter prefix of it).
+    void write(const Tensor& input, std::span<const std::byte> data);
+    template <typename T> void write(const Tensor& input, std::span<const T> values) {
+        static_assert(sizeof(T) == 4);
+        write(input, std::as_bytes(values));
+    }
+    template <typename T> void write(const Tensor& input, const std::vector<T>& values) {
+        write(input, std::span<const T>(values));
+    }
+
+    void run();
+    /// Runs once with a timestamp around every dispatch.
+    std::vector<DispatchTime> profile();
+
+    /// The raw memory of an output after a run, as its layout orders it.
+    [[nodiscard]] std::span<const float> read(const Tensor& output) const;
+
+    [[nodiscard]] Device& device() const { return device_; }
+    [[nodiscard]] uint64_t arena_bytes() const { return arena_bytes_; }
+    [[nodiscard]] size_t steps() const { return steps_.size(); }
+    [[nodiscard]] size_t barriers() const { return barriers_; }
+
+private:
+    enum class Kind { input, output, temporary };
+    struct Slot {
+        Kind kind;
+        uint64_t bytes;
+        uint32_t first = UINT32_MAX;
+        uint32_t last = 0;
+        uint64_t offset = 0;         ///< in the arena
+        uint64_t staging_offset = 0; ///< in the upload or readback buffer
+    };
+    struct Step {
+        Dispatch dispatch;
+        bool clear = false;
+    };
+    struct Range {
+        VkBuffer buffer;
+        uint64_t begin;
+        uint64_t end;
+        Access access;
+    };
+    struct Recording {
+        Handle<VkCommandPool> pool;
+        std::vector<VkCommandBuffer> commands;
+    };
+
+    Tensor make(Kind kind, const Layout& layout);
+    void touch(const Tensor& tensor, uint32_t step);
+    void plan();
+    void make_descriptors();
+    Recording record(VkQueryPool queries);
+    void record_step(VkCommandBuffer commands, size_t index);
+    [[nodiscard]] Range range(const Argument& argument) const;
+    [[nodiscard]] std::vector<Range> ranges(const Step& step) const;
+    [[nodiscard]] uint64_t address(const Dispatch::Pointer& pointer) const;
+
+    Device& device_;
+    std::vector<Slot> slots_;
+    std::vector<Step> steps_;
+    uint64_t arena_bytes_ = 0;
+    size_t barriers_ = 0;
+    Buffer arena_;
+    Buffer upload_;
+    Buffer readback_;
+    Handle<VkDescriptorPool> descriptor_pool_;
+    std::vector<VkDescriptorSet> sets_;             ///< by step
+    std::vector<std::vector<uint32_t>> dynamic_;    ///< dynamic uniform offsets by step
+    Recording recording_;
+};
+
+} // namespace ecir

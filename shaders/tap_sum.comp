@@ -1,0 +1,39 @@
+#version 450
+// The second half of a convolution with one output channel (layers/conv_plane.hpp):
+//
+//   out[y][x] = sum over ky, kx < K of taps[ky K + kx][y + ky - K/2][x + kx - K/2], zero outside the image
+//
+// Layouts: taps K^2 channels, out 1 channel, both any layout.
+// Bindings: 0 taps, 1 out. Workgroup: 64 pixels of one row.
+#extension GL_GOOGLE_include_directive : require
+#include "tensor.glsl"
+layout(local_size_x = 64) in;
+layout(set = 0, binding = 0, std430) readonly buffer Taps { float taps[]; };
+layout(set = 0, binding = 1, std430) writeonly buffer Out { float out_[]; };
+layout(push_constant) uniform Push {
+    TensorLayout taps_layout;
+    TensorLayout out_layout;
+    uint height;
+    uint width;
+    uint kernel;
+};
+
+void main() {
+    const uint x = gl_GlobalInvocationID.x;
+    const uint y = gl_GlobalInvocationID.y;
+    if (x >= width) {
+        return;
+    }
+    const int pad = int(kernel / 2u);
+    float sum = 0.0;
+    for (uint ky = 0u; ky < kernel; ++ky) {
+        const uint row = uint(int(y + ky) - pad); // wraps above the image to more than height
+        for (uint kx = 0u; kx < kernel; ++kx) {
+            const uint column = uint(int(x + kx) - pad);
+            if (row < height && column < width) {
+                sum += taps[element(taps_layout, ky * kernel + kx, row, column)];
+            }
+        }
+    }
+    out_[element(out_layout, 0u, y, x)] = sum;
+}
