@@ -13,23 +13,21 @@ namespace {
 
 struct LanePush {
     uint64_t in_address = 0;
-    uint64_t out_address = 0;
-    uint64_t init_address = 0;
-    uint64_t bias_address = 0;
     uint32_t in_row = 0;
     uint32_t in_plane = 0;
+    uint32_t out_origin = 0;
     uint32_t out_row = 0;
     uint32_t out_plane = 0;
+    uint32_t bias_origin = 0;
+    uint32_t init_origin = 0;
     uint32_t init_pixel = 0;
     uint32_t init_row = 0;
     uint32_t init_plane = 0;
     uint32_t width = 0;
     float floor = 0;
     std::array<uint32_t, 8> digit{0, 1, 2, 3, 4, 5, 6, 7};
-    uint32_t padding = 0;
 };
-static_assert(sizeof(LanePush) == 104);
-constexpr uint32_t kLanePushBytes = 100; // without the tail padding that C++ adds
+static_assert(sizeof(LanePush) == 88);
 
 struct TilePush {
     uint32_t in_origin = 0;
@@ -128,6 +126,12 @@ void Conv::record(Program& program, std::span<const Tensor> inputs, const Tensor
     }
 }
 
+uint32_t Conv::corner(const Tensor& tensor, const Phase& phase) const {
+    return PushLayout(tensor).origin +
+           static_cast<uint32_t>(phase.offset_y * tensor.layout().row_stride() +
+                                 uint64_t{phase.offset_x} * block_);
+}
+
 void Conv::record_lane(Program& program, std::span<const Tensor> inputs, const Tensor& output,
                        const std::optional<Tensor>& residual) const {
     const Layout& out = output.layout();
@@ -141,8 +145,6 @@ void Conv::record_lane(Program& program, std::span<const Tensor> inputs, const T
         }
         const uint32_t pixels = lane_pixels(width);
         const uint32_t stride = desc_.transposed ? 1 : desc_.stride;
-        const uint64_t out_corner =
-            out.origin() + phase.offset_y * out.row_stride() + uint64_t{phase.offset_x} * block_;
         const auto& slices = slices_[p];
         for (size_t s = 0; s < slices.size(); ++s) {
             const Slice& slice = slices[s];
@@ -173,30 +175,20 @@ void Conv::record_lane(Program& program, std::span<const Tensor> inputs, const T
                 const uint32_t group = chunk * slice.groups_per_chunk;
                 const uint32_t count = std::min(slice.groups_per_chunk, groups() - group);
                 const Tensor target = output.channels(group * block_, count * block_);
+                push.out_origin = corner(target, phase);
+                push.bias_origin = group * block_;
                 Dispatch dispatch;
-                dispatch.kernel = &device_.kernel("conv_lane", constants, 1, kLanePushBytes);
-                dispatch.arguments = {constant(weights_, slice.offsets[chunk])};
-                const auto at = [](auto field) { return static_cast<uint32_t>(field); };
-                dispatch.pointers.push_back(
-                    {at(offsetof(LanePush, in_address)), ecir::read(source), in_corner * 4});
-                dispatch.pointers.push_back(
-                    {at(offsetof(LanePush, out_address)), update(target), out_corner * 4});
+                dispatch.kernel = &device_.kernel("conv_lane", constants, 4, sizeof(push));
+                dispatch.arguments = {constant(weights_, slice.offsets[chunk]),
+                                      constant(bias_, accumulate ? zeros : 0),
+                                      constant(bias_, zeros), update(target)};
                 if (from_tensor) {
-                    const Layout& start = init.layout();
-                    const uint64_t corner = start.origin() + phase.offset_y * start.row_stride() +
-                                            uint64_t{phase.offset_x} * block_;
-                    dispatch.pointers.push_back(
-                        {at(offsetof(LanePush, init_address)),
-                         ecir::read(init.channels(group * block_, count * block_)), corner * 4});
-                } else {
-                    dispatch.pointers.push_back(
-                        {at(offsetof(LanePush, init_address)), constant(bias_, zeros), 0});
+                    const Tensor start = init.channels(group * block_, count * block_);
+                    push.init_origin = corner(start, phase);
+                    dispatch.arguments[2] = ecir::read(start);
                 }
-                dispatch.pointers.push_back({at(offsetof(LanePush, bias_address)),
-                                             constant(bias_, accumulate ? zeros : 0),
-                                             uint64_t{group} * block_ * sizeof(float)});
+                dispatch.pointers = {{offsetof(LanePush, in_address), ecir::read(source), in_corner * 4}};
                 dispatch.set_push(push);
-                dispatch.push.resize(kLanePushBytes);
                 dispatch.groups = {ceil_div(width, pixels), height, count};
                 const double outputs = double{1} * width * height *
                                       
@@ -226,21 +218,15 @@ void Conv::record_tile(Program& program, std::span<const Tensor> inputs, const T
             const Layout& in = inputs[i].layout();
             const bool accumulate = i > 0;
             const Tensor& init = accumulate ? output : residual.value_or(output);
-            const auto corner = [&](const Tensor& tensor) {
-                const Layout& layout = tensor.layout();
-                return PushLayout(tensor).origin +
-                       static_cast<uint32_t>(phase.offset_y * layout.row_stride() +
-                                             uint64_t{phase.offset_x} * block_);
-            };
             TilePush push;
             push.in_row = static_cast<uint32_t>(in.row_stride());
             push.in_plane = static_cast<uint32_t>(in.plane_stride());
             push.in_origin = PushLayout(inputs[i]).origin - phase.pad_y * push.in_row -
                              phase.pad_x * in.block;
-            push.out_origin = corner(output);
+            push.out_origin = corner(output, phase);
             push.out_row = static_cast<uint32_t>(out.row_stride() * step());
             push.out_plane = static_cast<uint32_t>(out.plane_stride());
-            push.init_origin = corner(init);
+            push.init_origin = corner(init, phase);
             push.init_row = static_cast<uint32_t>(init.layout().row_stride() * step());
             push.init_plane = static_cast<uint32_t>(init.layout().plane_stride());
             push.channels = in.channels;

@@ -92,6 +92,8 @@ private:
                      const std::optional<Tensor>& residual) const;
     void check(std::span<const Tensor> inputs, const Tensor& output,
                const std::optional<Tensor>& residual) const;
+    /// Element of a phase's first output pixel in what is bound of a tensor.
+    [[nodiscard]] uint32_t corner(const Tensor& tensor, const Phase& phase) const;
     [[nodiscard]] uint32_t groups() const { return (desc_.out_channels + block_ - 1) / block_; }
     /// Bytes from the start of bias_ to its zeros, for slices that must not add the bias again.
     [[nodiscard]] uint64_t zeros_offset() const {
