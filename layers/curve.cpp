@@ -1,0 +1,179 @@
+#include "layers/curve.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+#include <string>
+
+#include "layers/pixel_dispatch.hpp"
+
+namespace ecir {
+namespace {
+
+/// Frames a dispatch writes: their rows of S are unrolled in the shader (FRAMES there).
+constexpr uint32_t frames_per_dispatch = 16;
+
+/// Mirrors the push constants of shaders/curve.comp.
+struct Push {
+    PushLayout derivatives;
+    PushLayout keypoints;
+    PushLayout blurry;
+    PushLayout frames;
+    uint32_t width;
+    uint32_t height;
+    uint32_t derivative_channel;
+    uint32_t keypoint_channel;
+    uint32_t blurry_channel;
+    uint32_t row;   ///< of S for the view's channel 0
+    uint32_t count; ///< frames to write
+    float spacing;
+};
+static_assert(sizeof(Push) == 96);
+
+void check_count(uint32_t n) {
+    if (n < min_keypoints || n > max_keypoints) {
+        throw Error(ExitCode::bad_input, "a curve through " + std::to_string(n) + " keypoints: " +
+                                             std::to_string(min_keypoints) + " to " +
+                                             std::to_string(max_keypoints) + " are supported");
+    }
+}
+
+void check_channels(const char* what, const Layout& layout, uint32_t first, uint32_t count,
+                    const Layout& frames) {
+    if (layout.height != frames.height || layout.width != frames.width ||
+        first + count > layout.channels) {
+        throw Error(ExitCode::bad_input,
+                    "curve: channels " + std::to_string(first) + " to " +
+                        std::to_string(first + count - 1) + " of the " + what + ", " +
+                        std::to_string(layout.channels) + "x" + std::to_string(layout.height) +
+                        "x" + std::to_string(layout.width) + ", do not give frames of " +
+                        std::to_string(frames.height) + "x" + std::to_string(frames.width));
+    }
+}
+
+/// Lagrange basis k of `nodes` at x.
+double basis(const std::vector<float>& nodes, size_t k, double x) {
+    double product = 1;
+    for (size_t j = 0; j < nodes.size(); ++j) {
+        if (j != k) {
+            product *= (x - nodes[j]) / (double{nodes[k]} - nodes[j]);
+        }
+    }
+    return product;
+}
+
+} // namespace
+
+Quadrature gauss_legendre(uint32_t count) {
+    Quadrature rule{std::vector<double>(count), std::vector<double>(count)};
+    for (uint32_t i = 0; i < count; ++i) {
+        // Newton on the Legendre polynomial, from a close estimate of its root.
+        double x = -std::cos(std::numbers::pi * (i + 0.75) / (count + 0.5));
+        double slope = 1;
+        for (int iteration = 0; iteration < 8; ++iteration) {
+            double before = 0;
+            double value = 1;
+            for (uint32_t k = 1; k <= count; ++k) {
+                const double next = ((2.0 * k - 1) * x * value - (k - 1.0) * before) / k;
+                before = value;
+                value = next;
+            }
+            slope = count * (before - x * value) / (1 - x * x);
+            x -= value / slope;
+        }
+        rule.nodes[i] = x;
+        rule.weights[i] = 2 / ((1 - x * x) * slope * slope);
+    }
+    return rule;
+}
+
+std::vector<float> curve_nodes(uint32_t n) {
+    check_count(n);
+    std::vector<float> nodes(n);
+    for (uint32_t k = 0; k < n; ++k) {
+        nodes[k] = static_cast<float>(-std::cos((2.0 * k + 1) * std::numbers::pi / (2.0 * n)));
+    }
+    return nodes;
+}
+
+std::vector<float> curve_matrix(uint32_t n, std::span<const double> times) {
+    const std::vector<float> nodes = curve_nodes(n);
+    const Quadrature rule = gauss_legendre(n);
+    std::vector<double> mean(n, 0.0); // half the integral of (1 - s) basis_k(s): of the primitive
+    for (uint32_t k = 0; k < n; ++k) {
+        for (uint32_t q = 0; q < n; ++q) {
+            mean[k] += 0.5 * rule.weights[q] * (1 - rule.nodes[q]) * basis(nodes, k, rule.nodes[q]);
+        }
+    }
+    std::vector<float> matrix(nodes);
+    for (const double time : times) {
+        if (!(time >= -1 && time <= 1)) {
+            throw Error(ExitCode::bad_input, "curve: time " + std::to_string(time) +
+                                                 " is outside the exposure, -1 to 1");
+        }
+        const double half = (time + 1) / 2;
+        for (uint32_t k = 0; k < n; ++k) {
+            double primitive = 0;
+            for (uint32_t q = 0; q < n; ++q) {
+                primitive +=
+                    half * rule.weights[q] * basis(nodes, k, half * (rule.nodes[q] + 1) - 1);
+            }
+            matrix.push_back(static_cast<float>(primitive - mean[k]));
+        }
+    }
+    return matrix;
+}
+
+Layout curve_matrix_layout(uint32_t n, uint32_t d) {
+    Layout layout;
+    layout.width = n * (d + 1);
+    return layout;
+}
+
+float keypoint_spacing(uint32_t n) {
+    return static_cast<float>(2.0 / (n - 1.0) / 16.0);
+}
+
+void record_curve(Program& program, const Tensor& derivatives, const Tensor& keypoints,
+                  const Tensor& blurry, const Tensor& matrix, const Tensor& frames,
+                  const CurveOptions& options) {
+    const uint32_t n = options.n;
+    const Layout& layout = frames.layout();
+    check_count(n);
+    check_channels("derivatives", derivatives.layout(), options.derivative_channel, n, layout);
+    check_channels("keypoints", keypoints.layout(), options.keypoint_channel, n, layout);
+    check_channels("blurry frame", blurry.layout(), options.blurry_channel, 1, layout);
+    if (layout.block != 1 || matrix.layout().width != n * (layout.channels + 1)) {
+        throw Error(ExitCode::bad_input,
+                    "curve: " + std::to_string(layout.channels) + " frames in blocks of " +
+                        std::to_string(layout.block) + " do not match a matrix of " +
+                        std::to_string(matrix.layout().width) + " values");
+    }
+    const std::array<uint32_t, 2> constants = {n, options.spaced ? 1U : 0U};
+    const Kernel& kernel = program.device().kernel("curve", constants, 5, sizeof(Push));
+    for (const auto& group : channel_groups(program.device().info(), layout, 1)) {
+        for (uint32_t done = 0; done < group.count; done += frames_per_dispatch) {
+            const uint32_t first = group.first + done;
+            const uint32_t count = std::min(frames_per_dispatch, group.count - done);
+            const Tensor view = frames.channels(first, count);
+            Dispatch dispatch;
+            dispatch.kernel = &kernel;
+            dispatch.arguments = {read(derivatives), read(keypoints), read(blurry), read(matrix),
+                                  write(view)};
+            dispatch.set_push(Push{PushLayout(derivatives), PushLayout(keypoints),
+                                   PushLayout(blurry), PushLayout(view), layout.width,
+                                   layout.height, options.derivative_channel,
+                                   options.keypoint_channel, options.blurry_channel, first, count,
+                                   keypoint_spacing(n)});
+            dispatch.groups = pixel_groups(layout);
+            const double pixels = static_cast<double>(layout.width) * layout.height;
+            dispatch.flops = pixels * (8.0 * n * n + 2.0 * n * count);
+            dispatch.bytes = pixels * 4 * (2.0 * n + 1 + count);
+            dispatch.label = "curve";
+            program.add(std::move(dispatch));
+        }
+    }
+}
+
+} // namespace ecir

@@ -1,0 +1,121 @@
+#include "layers/deblur.hpp"
+
+#include <algorithm>
+#include <numeric>
+
+#include "layers/ecir.hpp"
+#include "layers/edi_method.hpp"
+#include "runtime/error.hpp"
+#include "weights/safetensors.hpp"
+
+namespace ecir {
+namespace {
+
+constexpr double kIntensityOffset = 0.01; ///< e: keeps ratios and logarithms of dark pixels finite
+
+std::unique_ptr<Method> make_method(std::shared_ptr<Device> device, const DeblurOptions& options,
+                                    uint32_t width, uint32_t height) {
+    if (options.model == "edi") {
+        if (options.refine || options.keypoints) {
+            throw Error(ExitCode::usage,
+                        "edi has neither keypoints nor a refinement; leave --keypoints and --refine out");
+        }
+        return std::make_unique<EdiMethod>(std::move(device), height, width, options.thresholds);
+    }
+    if (options.thresholds) {
+        throw Error(ExitCode::usage, "--threshold is for -m edi; the networks learn their thresholds");
+    }
+    const SafeTensors weights(find_model(options.model));
+    const std::string kind = weights.meta("model");
+    if (kind != "ecir") {
+        throw Error(ExitCode::bad_input, "weights file " + weights.path().string() + " is of a model '" +
+                                             kind + "', which this version does not run; it runs ecir");
+    }
+    const EcirConfig config(weights);
+    if (options.keypoints && *options.keypoints != config.keypoints) {
+        throw Error(ExitCode::usage, "model " + options.model + " was trained for " +
+                                         std::to_string(config.keypoints) + " keypoints, not " +
+                                         std::to_string(*options.keypoints) +
+                                         "; leave --keypoints out or use another model (-m)");
+    }
+    return std::make_unique<EcirMethod>(std::move(device), weights, height, width, options.refine);
+}
+
+} // namespace
+
+Deblur::Deblur(std::shared_ptr<Device> device, const DeblurOptions& options, uint32_t width,
+               uint32_t height)
+    : method_(make_method(std::move(device), options, width, height)), width_(width),
+      height_(height) {}
+Deblur::~Deblur() = default;
+Deblur::Deblur(Deblur&&) noexcept = default;
+
+std::vector<float> Deblur::frames(std::span<const float> blurry, const EventView& events,
+                                  const Exposure& exposure, std::span<const double> times) {
+    const size_t pixels = size_t{width_} * height_;
+    if (blurry.size() != pixels) {
+        throw Error(ExitCode::bad_input, "the blurry frame has " + std::to_string(blurry.size()) +
+                                             " values, " + std::to_string(width_) + "x" +
+                                             std::to_string(height_) + " needs " +
+                                             std::to_string(pixels));
+    }
+    for (const double time : times) {
+        if (!(time >= -1 && time <= 1)) {
+            throw Error(ExitCode::usage, "time " + std::to_string(time) +
+                                             " is outside the exposure, which is -1 to 1");
+        }
+    }
+    std::vector<float> result(times.size() * pixels);
+    if (times.empty()) {
+        return result;
+    }
+    const EventView seen = window(events, exposure);
+    if (seen.size() == 0) {
+        for (size_t i = 0; i < times.size(); ++i) {
+            std::ranges::copy(blurry, result.begin() + static_cast<std::ptrdiff_t>(i * pixels));
+        }
+        return result;
+    }
+    std::vector<size_t> order(times.size());
+    std::iota(order.begin(), order.end(), size_t{0});
+    std::ranges::stable_sort(order, {}, [&](size_t i) { return times[i]; });
+    std::vector<double> ascending;
+    for (const size_t i : order) {
+        ascending.push_back(times[i]);
+    }
+    const auto frames = method_->frames({blurry, seen, exposure, ascending});
+    for (size_t i = 0; i < order.size(); ++i) {
+        std::ranges::copy(frames.subspan(i * pixels, pixels),
+                          result.begin() + static_cast<std::ptrdiff_t>(order[i] * pixels));
+    }
+    return result;
+}
+
+std::optional<EdiThresholds> Deblur::thresholds() const {
+    const auto* edi = dynamic_cast<const EdiMethod*>(method_.get());
+    return edi != nullptr ? edi->thresholds() : std::nullopt;
+}
+
+std::vector<double> even_times(uint32_t count) {
+    std::vector<double> times(count);
+    for (uint32_t i = 0; i < count; ++i) {
+        times[i] = count == 1 ? 0.0 : -1 + 2.0 * i / (count - 1);
+    }
+    return times;
+}
+
+std::vector<float> recolour(std::span<const float> blurry, std::span<const float> luminance_blurry,
+                            std::span<const float> luminance, uint32_t channels) {
+    std::vector<float> result(blurry.size());
+    for (size_t pixel = 0; pixel < luminance.size(); ++pixel) {
+        const double ratio = (luminance[pixel] + kIntensityOffset) /
+                             (luminance_blurry[pixel] + kIntensityOffset);
+        for (size_t c = 0; c < channels; ++c) {
+            const size_t i = pixel * channels + c;
+            result[i] = static_cast<float>((blurry[i] + kIntensityOffset) * ratio - kIntensityOffset);
+        }
+    }
+    return result;
+}
+
+} // namespace ecir

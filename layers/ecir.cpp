@@ -1,0 +1,129 @@
+#include "layers/ecir.hpp"
+
+#include <charconv>
+
+#include "layers/curve.hpp"
+#include "layers/keypoints.hpp"
+#include "layers/operations.hpp"
+#include "runtime/error.hpp"
+
+namespace ecir {
+namespace {
+
+constexpr uint32_t kMostBins = 1024;
+constexpr uint32_t kMostIterations = 1000;
+
+[[noreturn]] void fail(const SafeTensors& weights, const std::string& what) {
+    throw Error(ExitCode::bad_input, "weights file " + weights.path().string() + ": " + what);
+}
+
+/// The ranges as the kernel reads them: begin, end, begin, end, ...
+std::span<const uint32_t> flat(const std::vector<IntervalRange>& ranges) {
+    return {reinterpret_cast<const uint32_t*>(ranges.data()), ranges.size() * 2};
+}
+
+} // namespace
+
+EcirConfig::EcirConfig(const SafeTensors& weights)
+    : keypoints(weights.meta_count("keypoints", min_keypoints, max_keypoints)),
+      bins(weights.meta_count("histogram_bins", 2, kMostBins)),
+      iterations(weights.meta_count("iterations", 0, kMostIterations)) {
+    const std::string variant = weights.meta("variant");
+    if (variant != "paper" && variant != "release") {
+        fail(weights, "metadata 'variant' is '" + variant + "'; it must be paper or release");
+    }
+    release = variant == "release";
+    if (bins % 2 != 0) {
+        fail(weights, "metadata 'histogram_bins' is odd; every interval has two channels");
+    }
+    const std::string text = weights.meta("span", "1");
+    const char* end = text.data() + text.size();
+    const auto [stop, error] = std::from_chars(text.data(), end, span);
+    if (error != std::errc{} || stop != end || !(span > 0 && span <= 1)) {
+        fail(weights, "metadata 'span' is '" + text + "'; it must lie in (0, 1]");
+    }
+}
+
+EcirMethod::EcirMethod(std::shared_ptr<Device> device, const SafeTensors& weights, uint32_t height,
+                       uint32_t width, std::optional<uint32_t> refine)
+    : device_(std::move(device)), config_(weights),
+      unet_(*device_, weights, config_.bins, config_.keypoints), refinement_(*device_, weights),
+      height_(height), width_(width), iterations_(refine.value_or(config_.iterations)) {}
+
+void EcirMethod::build(uint32_t frames, uint32_t capacity) {
+    program_ = std::make_unique<Program>(*device_);
+    Program& program = *program_;
+    const uint32_t block = channel_block(device_->info());
+    const uint32_t n = config_.keypoints;
+    const bool refine = iterations_ > 0;
+
+    events_ = EventTensors(program, height_, width_, capacity);
+    blurry_ = program.input({1, height_, width_, 1, UNet::kInputHalo});
+    rule_ = program.input({1, 1, 4});
+    input_intervals_ = program.input({1, 1, config_.bins});
+    frame_intervals_ = program.input({1, 1, std::max(2 * (frames - 1), 1U)});
+    matrix_ = program.input(curve_matrix_layout(n, frames));
+    output_ = program.output({frames, height_, width_});
+
+    const Tensor histogram =
+        program.temporary({config_.bins, height_, width_, block, UNet::kInputHalo});
+    program.clear(histogram);
+    record_event_histogram(program, events_.offset, events_.mark, input_intervals_, histogram);
+
+    const Tensor keypoints = program.temporary({n, height_, width_, block, UNet::kInputHalo});
+    program.clear(keypoints);
+    record_keypoints(program, events_.offset, events_.time, events_.tick, rule_, keypoints, 0, n);
+
+    const Tensor derivatives = unet_.record(program, blurry_, histogram, keypoints);
+
+    const CurveOptions curve{.n = n, .spaced = !config_.release};
+    const Tensor initial = refine ? program.temporary({frames, height_, width_, 1, 1}) : output_;
+    if (refine) {
+        program.clear(initial);
+    }
+    record_curve(program, derivatives, keypoints, blurry_, matrix_, initial, curve);
+
+    if (refine) {
+        Tensor counts;
+        if (frames > 1) {
+            counts = program.temporary({2 * (frames - 1), height_, width_});
+            record_event_histogram(program, events_.offset, events_.mark, frame_intervals_, counts);
+        }
+        refinement_.record(program, initial, counts, output_, iterations_);
+    }
+    program.finish();
+    count_ = frames;
+}
+
+std::vector<IntervalRange> EcirMethod::intervals(const FrameInput& input,
+                                                 std::span<const double> edges) const {
+    return config_.release ? release_intervals(input.events, input.exposure, edges)
+                           : paper_intervals(input.events, input.exposure, edges);
+}
+
+std::span<const float> EcirMethod::frames(const FrameInput& input) {
+    const auto count = static_cast<uint32_t>(input.times.size());
+    if (!program_ || count != count_ || input.events.size() > events_.capacity) {
+        build(count, EventTensors::capacity_for(input.events.size()));
+    }
+    Program& program = *program_;
+    PackedEvents packed = pack_events(input.events, input.exposure, width_, height_);
+    const KeypointRule rule = config_.release ? release_keypoint_rule(packed, config_.keypoints)
+                                              : paper_keypoint_rule(packed, config_.keypoints);
+    if (config_.release) {
+        packed.time = release_times(packed);
+    }
+    events_.write(program, packed);
+    program.write(blurry_, from_dense(blurry_.layout(), input.blurry));
+    program.write(rule_, std::span(reinterpret_cast<const uint32_t*>(&rule), 4));
+    const uint32_t intervals_count = config_.bins / 2;
+    const auto edges = config_.release ? linspace_edges(config_.span, intervals_count)
+                                       : even_edges(intervals_count);
+    program.write(input_intervals_, flat(intervals(input, edges)));
+    program.write(frame_intervals_, flat(intervals(input, input.times)));
+    program.write(matrix_, curve_matrix(config_.keypoints, input.times));
+    program.run();
+    return program.read(output_);
+}
+
+} // namespace ecir

@@ -1,0 +1,61 @@
+#pragma once
+#include <memory>
+#include <optional>
+
+#include "layers/histogram.hpp"
+#include "layers/method.hpp"
+#include "layers/refinement.hpp"
+#include "layers/unet.hpp"
+
+namespace ecir {
+
+/// How a network was trained, from the metadata of its weights file.
+struct EcirConfig {
+    bool release = false;     ///< variant `release`: the published code's rules; else `paper`
+    uint32_t keypoints = 10;  ///< n
+    uint32_t bins = 40;       ///< histogram channels m, two for each interval
+    uint32_t iterations = 3;  ///< of the refinement
+    double span = 1;          ///< release: the U-Net's histogram covers [-span, span]
+
+    /// Throws Error(bad_input) for metadata that is missing or out of range.
+    explicit EcirConfig(const SafeTensors& weights);
+};
+
+/// The system of the paper (figure 3): histogram and keypoints of the events, U-Net, curve, refinement.
+class EcirMethod : public Method {
+public:
+    /// `refine` replaces the trained number of iterations; 0 gives the initialisation alone.
+    EcirMethod(std::shared_ptr<Device> device, const SafeTensors& weights, uint32_t height,
+               uint32_t width, std::optional<uint32_t> refine);
+
+    std::span<const float> frames(const FrameInput& input) override;
+
+    [[nodiscard]] const EcirConfig& config() const { return config_; }
+    /// Time of each dispatch of a run with the last input.
+    std::vector<DispatchTime> profile() { return program_->profile(); }
+
+private:
+    void build(uint32_t frames, uint32_t capacity);
+    [[nodiscard]] std::vector<IntervalRange> intervals(const FrameInput& input,
+                                                       std::span<const double> edges) const;
+
+    std::shared_ptr<Device> device_;
+    EcirConfig config_;
+    UNet unet_;
+    Refinement refinement_;
+    uint32_t height_;
+    uint32_t width_;
+    uint32_t iterations_;
+
+    uint32_t count_ = 0; ///< frames that program_ makes
+    std::unique_ptr<Program> program_;
+    EventTensors events_;
+    Tensor blurry_;
+    Tensor rule_;
+    Tensor input_intervals_;
+    Tensor frame_intervals_;
+    Tensor matrix_;
+    Tensor output_;
+};
+
+} // namespace ecir

@@ -1,0 +1,40 @@
+#pragma once
+#include <memory>
+#include <optional>
+
+#include "layers/edi_threshold.hpp"
+#include "layers/method.hpp"
+
+namespace ecir {
+
+/// EDI (layers/edi.hpp) with given thresholds, or ones estimated from each frame and its events.
+class EdiMethod : public Method {
+public:
+    EdiMethod(std::shared_ptr<Device> device, uint32_t height, uint32_t width,
+              std::optional<EdiThresholds> thresholds);
+
+    std::span<const float> frames(const FrameInput& input) override;
+
+    /// Those of the last frame.
+    [[nodiscard]] std::optional<EdiThresholds> thresholds() const { return used_; }
+
+private:
+    void build(uint32_t frames, uint32_t capacity);
+
+    std::shared_ptr<Device> device_;
+    uint32_t height_;
+    uint32_t width_;
+    std::optional<EdiThresholds> given_;
+    std::optional<EdiThresholds> used_;
+
+    std::unique_ptr<EdiThresholdEstimator> estimator_; ///< only where thresholds were not given
+    uint32_t count_ = 0;
+    std::unique_ptr<Program> program_;
+    EventTensors events_;
+    Tensor blurry_;
+    Tensor thresholds_;
+    Tensor schedule_;
+    Tensor output_;
+};
+
+} // namespace ecir

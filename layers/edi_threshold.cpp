@@ -1,0 +1,212 @@
+#include "layers/edi_threshold.hpp"
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cmath>
+#include <limits>
+#include <string>
+#include <vector>
+
+#include "runtime/error.hpp"
+
+namespace ecir {
+namespace {
+
+/// A point of the search: ln of the geometric mean of c+ and c-, and ln(c+ / c-).
+struct Point {
+    double size = 0;
+    double ratio = 0;
+};
+
+const Point prior{std::log(0.2), 0};
+constexpr Point prior_error{0.4, 0.12};
+
+/// What motion fits leave undecided however many tiles there are: they come out some percent short.
+constexpr double fit_error = 0.015;
+
+/// The events' own noise makes thresholds slightly below the true ones give the smallest error.
+constexpr double noise_shrinkage = 0.04;
+
+EdiThresholds thresholds_at(const Point& point) {
+    return {static_cast<float>(std::exp(point.size + point.ratio / 2)),
+            static_cast<float>(std::exp(point.size - point.ratio / 2))};
+}
+
+/// Weight of a test: 1 / its variance.
+double weight(double error, double floor_) {
+    const double variance = error * error + floor_ * floor_;
+    return variance > 0 ? 1 / variance : 0;
+}
+
+/// Where the falling test `blur` crosses zero on a grid of sizes, and how it slopes there.
+struct Crossing {
+    Point point = prior;
+    double blur_slope = 0;
+    double drift_slope = 0;
+};
+
+Crossing find_crossing(const std::function<EdiBalance(const EdiThresholds&)>& balance) {
+    constexpr size_t count = 7;
+    constexpr double lowest = 0.08;
+    constexpr double highest = 0.5;
+    const double spacing = std::log(highest / lowest) / (count - 1);
+    std::array<double, count> size{};
+    std::array<EdiBalance, count> value{};
+    for (size_t i = 0; i < count; ++i) {
+        size[i] = std::log(lowest) + static_cast<double>(i) * spacing;
+        value[i] = balance(thresholds_at({size[i], 0}));
+    }
+    Crossing result;
+    // Without a crossing the search starts at the prior, which lies in the middle of the grid.
+    // Noise can make more crossings at small sizes, where the frames hardly differ from the blurry
+    // one.
+    size_t at = count / 2 - 1;
+    for (size_t i = 0; i + 1 < count; ++i) {
+        if (value[i].blur > 0 && value[i + 1].blur <= 0) {
+            at = i;
+            result.point.size =
+                size[i] + spacing * value[i].blur / (value[i].blur - value[i + 1].blur);
+        }
+    }
+    result.blur_slope = std::min((value[at + 1].blur - value[at].blur) / spacing, -1e-3);
+    result.drift_slope = (value[at + 1].drift - value[at].drift) / spacing;
+    return result;
+}
+
+} // namespace
+
+EdiBalance edi_balance(std::span<const float> moments, uint32_t tiles) {
+    const size_t plane = size_t{edi_windows} * tiles;
+    std::array<double, 4> sum{};
+    std::array<double, 4> squares{}; // of the tiles' sums over the windows
+    for (size_t tile = 0; tile < tiles; ++tile) {
+        for (size_t m = 0; m < 4; ++m) {
+            double total = 0;
+            for (size_t window = 0; window < edi_windows; ++window) {
+                total += double{moments[m * plane + window * tiles + tile]};
+            }
+            sum[m] += total;
+            squares[m] += total * total;
+        }
+    }
+    EdiBalance result;
+    constexpr double unknown = std::numeric_limits<double>::infinity();
+    result.blur = sum[1] > 0 ? sum[0] / sum[1] : 0;
+    result.blur_error = sum[1] > 0 ? std::sqrt(squares[0]) / sum[1] : unknown;
+    result.drift = sum[3] > 0 ? sum[2] / sum[3] : 0;
+    result.drift_error = sum[3] > 0 ? std::sqrt(squares[2]) / sum[3] : unknown;
+    return result;
+}
+
+EdiThresholds solve_edi_thresholds(const std::function<EdiBalance(const EdiThresholds&)>& balance) {
+    constexpr double probe = 0.1;
+    constexpr double longest_step = 0.3;
+    constexpr double close_enough = 0.004;
+    constexpr int steps = 5;
+    const Crossing crossing = find_crossing(balance);
+    Point point = crossing.point;
+    EdiBalance here = balance(thresholds_at(point));
+    const EdiBalance beside = balance(thresholds_at({point.size, point.ratio + probe}));
+    // Derivatives of the tests by size and ratio.
+    std::array<double, 2> blur = {crossing.blur_slope, (beside.blur - here.blur) / probe};
+    std::array<double, 2> drift = {crossing.drift_slope, (beside.drift - here.drift) / probe};
+
+    for (int step = 0; step < steps; ++step) {
+        // Gauss-Newton on the squared tests and the squared distance from the prior.
+        const double wb = weight(here.blur_error, fit_error);
+        const double wd = weight(here.drift_error, 1e-9);
+        const double wp = weight(prior_error.size, 0);
+        const double wr = weight(prior_error.ratio, 0);
+        const double ss = wb * blur[0] * blur[0] + wd * drift[0] * drift[0] + wp;
+        const double sr = wb * blur[0] * blur[1] + wd * drift[0] * drift[1];
+        const double rr = wb * blur[1] * blur[1] + wd * drift[1] * drift[1] + wr;
+        const double s =
+            wb * blur[0] * here.blur + wd * drift[0] * here.drift + wp * (point.size - prior.size);
+        const double r = wb * blur[1] * here.blur + wd * drift[1] * here.drift +
+                         wr * (point.ratio - prior.ratio);
+        const double determinant = ss * rr - sr * sr;
+        const Point next{std::clamp(point.size + std::clamp((sr * r - rr * s) / determinant,
+                                                            -longest_step, longest_step),
+                                    std::log(0.06), std::log(0.6)),
+                         std::clamp(point.ratio + std::clamp((sr * s - ss * r) / determinant,
+                                                             -longest_step, longest_step),
+                                    -0.5, 0.5)};
+        const double ds = next.size - point.size;
+        const double dr = next.ratio - point.ratio;
+        if (std::max(std::abs(ds), std::abs(dr)) < close_enough) {
+            break;
+        }
+        const EdiBalance there = balance(thresholds_at(next));
+        // Broyden's update; the slope that the grid found is kept in part, so that noise cannot
+        // turn it.
+        const double length = ds * ds + dr * dr;
+        const double blur_miss = there.blur - here.blur - blur[0] * ds - blur[1] * dr;
+        const double drift_miss = there.drift - here.drift - drift[0] * ds - drift[1] * dr;
+        blur = {std::min(blur[0] + blur_miss * ds / length, 0.3 * crossing.blur_slope),
+                blur[1] + blur_miss * dr / length};
+        drift = {drift[0] + drift_miss * ds / length, drift[1] + drift_miss * dr / length};
+        point = next;
+        here = there;
+    }
+    return thresholds_at({point.size - noise_shrinkage, point.ratio});
+}
+
+EdiThresholdEstimator::EdiThresholdEstimator(Device& device, uint32_t width, uint32_t height)
+    : device_(device), width_(width), height_(height), shape_(edi_moment_shape(width, height)) {}
+
+void EdiThresholdEstimator::record(uint32_t capacity) {
+    capacity_ = capacity;
+    program_ = std::make_unique<Program>(device_);
+    input_.offsets = program_->input({1, 1, width_ * height_ + 1});
+    input_.times = program_->input({1, 1, capacity});
+    input_.marks = program_->input({1, 1, capacity});
+    input_.blurry = program_->input({1, height_, width_});
+    input_.thresholds = program_->input({1, 1, 2});
+    schedule_ = program_->input({1, 2, edi_windows + 1});
+    moments_ = program_->output(shape_.layout());
+    record_edi_moments(*program_, input_, schedule_, moments_);
+    program_->finish();
+    program_->write(schedule_, edi_schedule(edi_window_times()));
+}
+
+void EdiThresholdEstimator::upload(const PackedEvents& events, std::span<const float> blurry) {
+    const size_t pixels = size_t{width_} * height_;
+    if (blurry.size() != pixels || events.offset.size() != pixels + 1) {
+        throw Error(ExitCode::bad_input, "threshold estimation for " + std::to_string(width_) +
+                                             "x" + std::to_string(height_) +
+                                             " pixels got an image of " +
+                                             std::to_string(blurry.size()) + " and events of " +
+                                             std::to_string(events.offset.size() - 1) + " pixels");
+    }
+    const auto count = static_cast<uint32_t>(events.size());
+    if (!program_ || count > capacity_) {
+        // Room for half as many more, so that a recording seldom needs a new program.
+        record(std::max(1024U, count + count / 2));
+    }
+    program_->write(input_.offsets, events.offset);
+    program_->write(input_.times, events.time);
+    program_->write(input_.marks, events.mark);
+    program_->write(input_.blurry, blurry);
+}
+
+EdiBalance EdiThresholdEstimator::run(const EdiThresholds& thresholds) {
+    const std::array<float, 2> values = {thresholds.positive, thresholds.negative};
+    program_->write(input_.thresholds, std::span<const float>(values));
+    program_->run();
+    return edi_balance(program_->read(moments_), shape_.tiles());
+}
+
+EdiThresholds EdiThresholdEstimator::estimate(const PackedEvents& events,
+                                              std::span<const float> blurry) {
+    upload(events, blurry);
+    return solve_edi_thresholds([&](const EdiThresholds& thresholds) { return run(thresholds); });
+}
+
+EdiBalance EdiThresholdEstimator::balance(const PackedEvents& events, std::span<const float> blurry,
+                                          const EdiThresholds& thresholds) {
+    upload(events, blurry);
+    return run(thresholds);
+}
+
+} // namespace ecir

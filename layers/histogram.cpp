@@ -1,0 +1,120 @@
+#include "layers/histogram.hpp"
+
+#include <algorithm>
+#include <numeric>
+#include <ranges>
+#include <string>
+
+#include "layers/pixel_dispatch.hpp"
+
+namespace ecir {
+namespace {
+
+/// Mirrors the push constants of shaders/event_histogram.comp.
+struct Push {
+    PushLayout counts;
+    uint32_t width;
+    uint32_t height;
+    uint32_t first;    ///< interval of the view's channel 0
+    uint32_t count;    ///< intervals in the view
+    uint32_t channels; ///< of the view, with the last block filled up
+};
+static_assert(sizeof(Push) == 36);
+
+void check_edges(std::span<const double> edges) {
+    // Not is_sorted: a NaN must fail too.
+    for (size_t i = 1; i < edges.size(); ++i) {
+        if (!(edges[i - 1] <= edges[i])) {
+            throw Error(ExitCode::bad_input, "histogram edge " + std::to_string(i) + " (" +
+                                                 std::to_string(edges[i]) +
+                                                 ") lies before the edge in front of it");
+        }
+    }
+}
+
+/// How many of the events come before `edge`, or (closed) not after it.
+uint32_t events_up_to(const EventView& events, const Exposure& exposure, double edge, bool closed) {
+    const auto end = std::ranges::partition_point(events.t, [&](int64_t t) {
+        const double time = normalised_time(t, exposure);
+        return closed ? time <= edge : time < edge;
+    });
+    return static_cast<uint32_t>(end - events.t.begin());
+}
+
+} // namespace
+
+std::vector<double> even_edges(uint32_t intervals) {
+    std::vector<double> edges(intervals + 1);
+    for (uint32_t i = 0; i <= intervals; ++i) {
+        edges[i] = (2.0 * i - intervals) / intervals;
+    }
+    return edges;
+}
+
+std::vector<double> linspace_edges(double span, uint32_t intervals) {
+    std::vector<double> edges(intervals + 1);
+    const double step = (span - -span) / intervals;
+    for (uint32_t i = 0; i < intervals; ++i) {
+        edges[i] = i * step + -span;
+    }
+    edges[intervals] = span;
+    return edges;
+}
+
+std::vector<IntervalRange> paper_intervals(const EventView& events, const Exposure& exposure,
+                                           std::span<const double> edges) {
+    check_edges(edges);
+    std::vector<IntervalRange> ranges;
+    for (size_t i = 0; i + 1 < edges.size(); ++i) {
+        const bool last = i + 2 == edges.size();
+        ranges.push_back({events_up_to(events, exposure, edges[i], false),
+                          events_up_to(events, exposure, edges[i + 1], last)});
+    }
+    return ranges;
+}
+
+std::vector<IntervalRange> release_intervals(const EventView& events, const Exposure& exposure,
+                                             std::span<const double> edges) {
+    check_edges(edges);
+    std::vector<IntervalRange> ranges;
+    for (size_t i = 0; i + 1 < edges.size(); ++i) {
+        IntervalRange range{events_up_to(events, exposure, edges[i], false),
+                            events_up_to(events, exposure, edges[i + 1], true)};
+        if (range.end > range.begin) {
+            const auto latest = std::ranges::lower_bound(events.t, events.t[range.end - 1]);
+            range.end = std::max(range.begin, static_cast<uint32_t>(latest - events.t.begin()));
+        }
+        ranges.push_back(range);
+    }
+    return ranges;
+}
+
+void record_event_histogram(Program& program, const Tensor& offsets, const Tensor& marks,
+                            const Tensor& intervals, const Tensor& counts) {
+    const Layout& layout = counts.layout();
+    const uint32_t pixels = layout.width * layout.height;
+    if (intervals.layout().width != layout.channels || layout.channels % 2 != 0 ||
+        offsets.layout().width != pixels + 1) {
+        throw Error(ExitCode::bad_input,
+                    "event histogram: " + std::to_string(layout.channels) + " channels of " +
+                        std::to_string(pixels) + " pixels do not match " +
+                        std::to_string(intervals.layout().width) + " interval bounds and " +
+                        std::to_string(offsets.layout().width) + " pixel offsets");
+    }
+    const Kernel& kernel = program.device().kernel("event_histogram", {}, 4, sizeof(Push));
+    const uint32_t step = std::lcm(2U, layout.block);
+    for (const auto& [first, count] : channel_groups(program.device().info(), layout, step)) {
+        const Tensor view = counts.channels(first, count);
+        Dispatch dispatch;
+        dispatch.kernel = &kernel;
+        dispatch.arguments = {read(offsets), read(marks), read(intervals), write(view)};
+        dispatch.set_push(Push{PushLayout(view), layout.width, layout.height, first / 2, count / 2,
+                               padded_channels(view.layout())});
+        dispatch.groups = pixel_groups(layout);
+        dispatch.bytes = static_cast<double>(view.bytes() + offsets.bytes() + marks.bytes());
+        dispatch.label = "event_histogram";
+        program.add(std::move(dispatch));
+    }
+}
+
+} // namespace ecir

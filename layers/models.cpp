@@ -1,0 +1,56 @@
+#include <algorithm>
+
+#include "layers/deblur.hpp"
+#include "runtime/error.hpp"
+
+// Where shipped models are found.
+
+namespace ecir {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::vector<fs::path> weight_folders() {
+    std::vector<fs::path> folders;
+    std::error_code error;
+    const fs::path program = fs::read_symlink("/proc/self/exe", error);
+    if (!error) { // an installation may have been moved as a whole
+        folders.push_back(program.parent_path().parent_path() / "share" / "ecir" / "weights");
+    }
+    folders.emplace_back(ECIR_INSTALLED_WEIGHTS);
+    folders.emplace_back(ECIR_SOURCE_WEIGHTS);
+    return folders;
+}
+
+} // namespace
+
+fs::path find_model(const std::string& name) {
+    constexpr const char* kExtension = ".safetensors";
+    if (fs::path(name).extension() == kExtension) {
+        return name;
+    }
+    std::string places;
+    std::vector<std::string> known;
+    for (const fs::path& folder : weight_folders()) {
+        const fs::path file = folder / (name + kExtension);
+        std::error_code error;
+        if (fs::is_regular_file(file, error)) {
+            return file;
+        }
+        places += "\n  " + folder.string();
+        for (const auto& entry : fs::directory_iterator(folder, error)) {
+            if (entry.path().extension() == kExtension) {
+                known.push_back(entry.path().stem().string());
+            }
+        }
+    }
+    std::ranges::sort(known);
+    known.erase(std::unique(known.begin(), known.end()), known.end());
+    std::string message = "no model '" + name + "'; there are: edi";
+    for (const std::string& other : known) {
+        message += ", " + other;
+    }
+    throw Error(ExitCode::bad_input, message + " (or the path of a .safetensors file). Looked in:" + places);
+}
+
+} // namespace ecir

@@ -1,0 +1,141 @@
+#include "layers/unet.hpp"
+
+#include <cmath>
+
+#include "runtime/error.hpp"
+
+namespace ecir {
+namespace {
+
+constexpr double kBatchNormEpsilon = 1e-5;
+
+/// A 3x3 convolution without bias and the batch norm after it as one convolution with bias.
+Conv folded(Device& device, const SafeTensors& weights, const std::string& conv,
+            const std::string& norm, uint32_t channels) {
+    std::vector<float> weight = weights.get(conv + ".weight", {channels, channels, 3, 3});
+    const auto& gain = weights.get(norm + ".weight", {channels});
+    const auto& shift = weights.get(norm + ".bias", {channels});
+    const auto& mean = weights.get(norm + ".running_mean", {channels});
+    const auto& variance = weights.get(norm + ".running_var", {channels});
+    std::vector<float> bias(channels);
+    const size_t per_channel = weight.size() / channels;
+    for (uint32_t c = 0; c < channels; ++c) {
+        const double scale = gain[c] / std::sqrt(double{variance[c]} + kBatchNormEpsilon);
+        bias[c] = static_cast<float>(shift[c] - mean[c] * scale);
+        for (size_t i = 0; i < per_channel; ++i) {
+            float& value = weight[c * per_channel + i];
+            value = static_cast<float>(value * scale);
+        }
+    }
+    return {device, {.out_channels = channels, .kernel = 3, .relu = true}, {channel_range(0, channels)},
+            weight, bias};
+}
+
+/// Output channels of a convolution, read from its weight.
+uint32_t out_channels(const SafeTensors& weights, const std::string& name, size_t axis) {
+    const auto& shape = weights.get(name).shape;
+    if (shape.size() != 4 || shape[axis] == 0) {
+        throw Error(ExitCode::bad_input, "weights file " + weights.path().string() + ": tensor '" +
+                                             name + "' is not a convolution's weight");
+    }
+    return shape[axis];
+}
+
+} // namespace
+
+UNet::ResidualBlock UNet::load_block(Device& device, const SafeTensors& weights,
+                                     const std::string& name, uint32_t channels) const {
+    return {folded(device, weights, name + ".0", name + ".1", channels),
+            folded(device, weights, name + ".3", name + ".4", channels)};
+}
+
+UNet::UNet(Device& device, const SafeTensors& weights, uint32_t bins, uint32_t keypoints)
+    : keypoints_(keypoints) {
+    const std::vector<ChannelMap> input = {channel_range(0, 1), channel_range(1, bins),
+                                           channel_range(1 + bins, keypoints)};
+    const uint32_t input_channels = 1 + bins + keypoints;
+
+    uint32_t channels = input_channels;
+    for (const char* layer : {"1", "2", "3", "4"}) {
+        const std::string name = std::string("unet.en_conv") + layer + ".0";
+        const uint32_t out = out_channels(weights, name + ".weight", 0);
+        encoders_.emplace_back(
+            device, ConvDesc{.out_channels = out, .kernel = 5, .stride = 2, .relu = true},
+            encoders_.empty() ? input : std::vector<ChannelMap>{channel_range(0, channels)},
+            weights.get(name + ".weight", {out, channels, 5, 5}), weights.get(name + ".bias", {out}));
+        widths_.push_back(out);
+        channels = out;
+    }
+    for (const char* name : {"unet.res1", "unet.res2"}) {
+        blocks_.push_back(load_block(device, weights, name, channels));
+    }
+    for (const size_t level : {4U, 3U, 2U, 1U}) {
+        const std::string name = "unet.de_conv" + std::to_string(5 - level) + ".0.weight";
+        const uint32_t out = out_channels(weights, name, 1);
+        // The deepest decoder sees the residual blocks alone, the others a skip connection too.
+        const uint32_t skip = level == 4 ? 0 : widths_[level - 1];
+        std::vector<ChannelMap> maps = {channel_range(0, channels)};
+        if (skip > 0) {
+            maps.push_back(channel_range(channels, skip));
+        }
+        decoders_.emplace_back(
+            device,
+            ConvDesc{.out_channels = out, .kernel = 5, .stride = 2, .transposed = true, .relu = true},
+            maps, weights.get(name, {channels + skip, out, 5, 5}), std::span<const float>{});
+        decoder_widths_.push_back(out);
+        channels = out;
+    }
+    std::vector<ChannelMap> maps = {channel_range(0, channels)};
+    uint32_t first = channels;
+    for (const ChannelMap& map : input) {
+        maps.push_back(channel_range(first, static_cast<uint32_t>(map.size())));
+        first += static_cast<uint32_t>(map.size());
+    }
+    prediction_ = std::make_unique<Conv>(
+        device, ConvDesc{.out_channels = keypoints, .kernel = 1}, maps,
+        weights.get("unet.pred.weight", {keypoints, channels + input_channels, 1, 1}),
+        weights.get("unet.pred.bias", {keypoints}));
+}
+
+Tensor UNet::record(Program& program, const Tensor& blurry, const Tensor& histogram,
+                    const Tensor& keypoints) const {
+    const uint32_t block = channel_block(program.device().info());
+    // Cleared, since a convolution reads the zeros around its input.
+    const auto tensor = [&](uint32_t channels, uint32_t height, uint32_t width, uint32_t halo) {
+        const Tensor made = program.temporary({channels, height, width, block, halo});
+        if (halo > 0) {
+            program.clear(made);
+        }
+        return made;
+    };
+    std::vector<Tensor> levels;
+    std::vector<Tensor> inputs = {blurry, histogram, keypoints};
+    for (size_t i = 0; i < encoders_.size(); ++i) {
+        const Layout& in = inputs.front().layout();
+        levels.push_back(tensor(widths_[i], (in.height + 1) / 2, (in.width + 1) / 2, 2));
+        encoders_[i].record(program, inputs, levels.back());
+        inputs = {levels.back()};
+    }
+    Tensor x = levels.back();
+    const Layout bottom = x.layout();
+    for (const ResidualBlock& block_layers : blocks_) {
+        const Tensor inner = tensor(bottom.channels, bottom.height, bottom.width, 1);
+        const Tensor outer = tensor(bottom.channels, bottom.height, bottom.width, 1);
+        block_layers.first.record(program, x, inner);
+        block_layers.second.record(program, inner, outer, x);
+        x = outer;
+    }
+    for (size_t i = 0; i < decoders_.size(); ++i) {
+        const size_t level = decoders_.size() - i; // of the encoder whose output has this input's size
+        inputs = level == decoders_.size() ? std::vector{x} : std::vector{x, levels[level - 1]};
+        const Layout& size = level == 1 ? blurry.layout() : levels[level - 2].layout();
+        x = tensor(decoder_widths_[i], size.height, size.width, level == 1 ? 0 : 1);
+        decoders_[i].record(program, inputs, x);
+    }
+    const Tensor derivatives = tensor(keypoints_, blurry.layout().height, blurry.layout().width, 0);
+    const std::vector<Tensor> all = {x, blurry, histogram, keypoints};
+    prediction_->record(program, all, derivatives);
+    return derivatives;
+}
+
+} // namespace ecir

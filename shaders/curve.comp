@@ -1,0 +1,110 @@
+#version 450
+#extension GL_GOOGLE_include_directive : require
+#extension GL_EXT_control_flow_attributes : require
+#include "tensor.glsl"
+
+// Intensity curve (equations 3 and 4): with derivatives y_i at keypoints t_i and fixed nodes x_k,
+//     P(x_k) = sum_i y_i w_i prod_{j != i} (x_k - t_j),    w_i = 1 / prod_{j != i} (t_i - t_j)
+//     L(f)   = B + sum_k S(f, k) P(x_k)
+// Every difference is doubled: products of n - 1 of them stay near 1 for points spread over [-1, 1]
+// (capacity 1/2), far from the ends of float32's range. See layers/curve.hpp for the error bound.
+//
+// derivatives, keypoints  any layouts, n channels from *_channel; keypoints ascend
+// blurry                  any layout, channel blurry_channel
+// matrix                  nodes [n], then S [frames][n]
+// frames                  any layout, `count` channels: rows `row`, row + 1, ... of S
+// Precondition: count <= FRAMES; width <= 64 x groups.x, height = groups.y.
+// Tile: one pixel an invocation, 64 x 1 pixels a workgroup; loops over n and FRAMES unrolled.
+layout(local_size_x = 64) in;
+layout(constant_id = 0) const uint n = 10;
+layout(constant_id = 1) const uint spaced = 1; // 1: keypoints are spread to `spacing` first
+
+const uint FRAMES = 16;
+
+layout(std430, binding = 0) readonly buffer Derivatives { float derivatives[]; };
+layout(std430, binding = 1) readonly buffer Keypoints { float keypoints[]; };
+layout(std430, binding = 2) readonly buffer Blurry { float blurry[]; };
+layout(std430, binding = 3) readonly buffer Matrix { float matrix[]; };
+layout(std430, binding = 4) writeonly buffer Frames { float frames[]; };
+
+layout(push_constant) uniform Push {
+    TensorLayout derivatives_layout;
+    TensorLayout keypoints_layout;
+    TensorLayout blurry_layout;
+    TensorLayout frames_layout;
+    uint width;
+    uint height;
+    uint derivative_channel;
+    uint keypoint_channel;
+    uint blurry_channel;
+    uint row;
+    uint count;
+    float spacing;
+};
+
+// Keypoints that float32 cannot tell apart count as this far apart, so that the result stays finite.
+const float CLOSEST = 1.0 / 16777216.0;
+
+void main() {
+    const uint x = gl_GlobalInvocationID.x;
+    const uint y = gl_WorkGroupID.y;
+    if (x >= width) {
+        return;
+    }
+    float t[n];
+    [[unroll]] for (uint i = 0; i < n; ++i) {
+        t[i] = keypoints[element(keypoints_layout, keypoint_channel + i, y, x)];
+    }
+    if (spaced != 0) {
+        [[unroll]] for (uint i = 1; i < n; ++i) {
+            t[i] = max(t[i], t[i - 1] + spacing);
+        }
+        const bool over = t[n - 1] > 1;
+        t[n - 1] = min(t[n - 1], 1.0);
+        [[unroll]] for (uint i = n - 1; i > 0; --i) {
+            t[i - 1] = over ? min(t[i - 1], t[i] - spacing) : t[i - 1];
+        }
+    }
+
+    float weighted[n]; // y_i w_i
+    [[unroll]] for (uint i = 0; i < n; ++i) {
+        float product = 1;
+        [[unroll]] for (uint j = 0; j < n; ++j) {
+            if (j < i) {
+                product *= 2 * max(t[i] - t[j], CLOSEST);
+            } else if (j > i) {
+                product *= 2 * min(t[i] - t[j], -CLOSEST);
+            }
+        }
+        weighted[i] =
+            derivatives[element(derivatives_layout, derivative_channel + i, y, x)] / product;
+    }
+
+    float value[n]; // P(x_k)
+    [[unroll]] for (uint k = 0; k < n; ++k) {
+        const float node = matrix[k];
+        float after[n]; // product over j > i
+        after[n - 1] = 1;
+        [[unroll]] for (uint i = n - 1; i > 0; --i) {
+            after[i - 1] = after[i] * (2 * (node - t[i]));
+        }
+        float before = 1;
+        float sum = 0;
+        [[unroll]] for (uint i = 0; i < n; ++i) {
+            sum += weighted[i] * (before * after[i]);
+            before *= 2 * (node - t[i]);
+        }
+        value[k] = sum;
+    }
+
+    const float mean = blurry[element(blurry_layout, blurry_channel, y, x)];
+    [[unroll]] for (uint f = 0; f < FRAMES; ++f) {
+        if (f < count) {
+            float change = 0;
+            [[unroll]] for (uint k = 0; k < n; ++k) {
+                change += matrix[(1 + row + f) * n + k] * value[k];
+            }
+            frames[element(frames_layout, f, y, x)] = mean + change;
+        }
+    }
+}

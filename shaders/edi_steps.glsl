@@ -1,0 +1,35 @@
+// The steps E(t) of a pixel and the integral of their exponential, for kernels that declare
+// thresholds[2] = c+, c-.
+
+const float SMALL = 0.01;          // e
+const float LARGEST_EXPONENT = 80; // exp() of it is finite, also times a white pixel
+
+// (N+ - N-, N-): E is the sum of two terms of which the second is small for like thresholds.
+float exponent(ivec2 state) {
+    return thresholds[0] * float(state.x) + (thresholds[0] - thresholds[1]) * float(state.y);
+}
+
+ivec2 next_state(ivec2 state, uint mark) {
+    return (mark >> 31) != 0 ? state + ivec2(1, 0) : state + ivec2(-1, 1);
+}
+
+// Integral of exp(E - E(peak)) over the pieces so far.
+struct Integral {
+    ivec2 peak;
+    float sum;
+    bool empty;
+};
+
+void add_piece(inout Integral integral, ivec2 state, float span) {
+    if (span <= 0) {
+        return;
+    }
+    float rise = exponent(state - integral.peak);
+    if (integral.empty || rise > 0) {
+        integral.sum *= integral.empty ? 0 : exp(-rise);
+        integral.peak = state;
+        integral.empty = false;
+        rise = 0;
+    }
+    integral.sum += exp(rise) * span;
+}

@@ -1,0 +1,59 @@
+#include <cstdio>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "runtime/device.hpp"
+#include "tools/ecir/commands.hpp"
+
+namespace ecir::cli {
+namespace {
+
+const char* reason(const DeviceInfo& device) {
+    return device.is_cpu ? "default: no GPU was found, this driver runs on the CPU"
+                         : "default: the first of the fastest kind of device";
+}
+
+void run(bool as_json) {
+    const auto devices = Device::list();
+    if (as_json) {
+        auto list = nlohmann::json::array();
+        for (const DeviceInfo& device : devices) {
+            list.push_back({{"index", device.index},
+                            {"name", device.name},
+                            {"type", device.type},
+                            {"driver", device.driver},
+                            {"default", device.is_default},
+                            {"subgroup_size", device.subgroup_size},
+                            {"buffer_address", device.buffer_address},
+                            {"storage16", device.storage16},
+                            {"float16", device.float16},
+                            {"timestamps", device.timestamps},
+                            {"memory_bytes", device.heap_bytes},
+                            {"max_storage_range", device.max_storage_range}});
+        }
+        std::printf("%s\n", list.dump(2).c_str());
+        return;
+    }
+    for (const DeviceInfo& device : devices) {
+        std::printf("%u  %s (%s), %s\n", device.index, device.name.c_str(), device.type.c_str(),
+                    device.driver.c_str());
+        std::printf("   %.1f GiB, subgroups of %u, 16-bit storage %s, float16 %s, timestamps %s\n",
+                    static_cast<double>(device.heap_bytes) / (1U << 30), device.subgroup_size,
+                    device.storage16 ? "yes" : "no", device.float16 ? "yes" : "no",
+                    device.timestamps ? "yes" : "no");
+        if (device.is_default) {
+            std::printf("   %s\n", reason(device));
+        }
+    }
+}
+
+} // namespace
+
+void add_devices(CLI::App& app) {
+    auto* command = app.add_subcommand("devices", "List the Vulkan devices and which one is the default");
+    auto as_json = std::make_shared<bool>(false);
+    command->add_flag("--json", *as_json, "Print as JSON");
+    command->callback([as_json] { run(*as_json); });
+}
+
+} // namespace ecir::cli

@@ -1,0 +1,40 @@
+#pragma once
+#include <filesystem>
+#include <memory>
+#include <vector>
+
+#include "tools/io/frames.hpp"
+#include "tools/io/image.hpp"
+#include "tools/io/output.hpp"
+#include "tools/io/video.hpp"
+
+namespace ecir::cli {
+
+/// Where `deblur` puts its frames: a folder of PNGs with frames.csv, a video, or a .npy, by what the
+/// target is called. Frames are taken one at a time, so memory does not grow with their number.
+class FrameOutput {
+public:
+    /// `frames` images of one size will come; a video plays at `fps` frames a second.
+    /// Throws Error(usage) for an existing target without `overwrite`.
+    FrameOutput(const std::filesystem::path& target, bool overwrite, size_t frames, double fps);
+
+    /// The next frame; `time.file` is filled in here.
+    void add(const io::Image& frame, io::FrameTime time);
+    /// Makes the output appear under its name.
+    void commit();
+
+private:
+    void start(const io::Image& first);
+
+    enum class Kind { folder, video, npy };
+    Kind kind_;
+    io::PendingOutput output_;
+    size_t expected_;
+    double fps_;
+    std::vector<io::FrameTime> times_;
+    std::unique_ptr<io::VideoWriter> video_;
+    std::vector<float> values_; ///< of a .npy
+    std::vector<size_t> shape_;
+};
+
+} // namespace ecir::cli

@@ -1,0 +1,34 @@
+#pragma once
+#include <filesystem>
+#include <optional>
+
+#include "layers/events.hpp"
+
+namespace ecir::io {
+
+/// What an events file holds. The sensor size is known only where the file states it.
+struct EventFile {
+    Events events;
+    std::optional<int> width;
+    std::optional<int> height;
+};
+
+/// Reads HDF5 (DSEC's layout) or text (`t x y p` a line, seconds), told apart by content.
+/// Checked: arrays of one length, times in order, p in {0, 1} (text: also {-1, 1}), numbers finite.
+/// Throws Error(bad_input) with file, the first offending index or line, and a remedy.
+EventFile read_events(const std::filesystem::path& path);
+
+/// Whether the content is that of an events file (which may still turn out to be damaged).
+/// Throws Error(bad_input) when the file cannot be opened.
+bool holds_events(const std::filesystem::path& path);
+
+/// Throws Error(bad_input) naming the first event outside a width x height image.
+void check_inside(const EventView& events, int width, int height,
+                  const std::filesystem::path& path);
+
+/// Writes DSEC's layout with gzip and shuffle.
+/// Throws Error(resources) when the disk is full, Error(bad_input) when the folder cannot be
+/// written.
+void write_events(const std::filesystem::path& path, const EventView& events);
+
+} // namespace ecir::io

@@ -1,0 +1,194 @@
+#include "tools/io/file.hpp"
+
+#include <algorithm>
+#include <cctype>
+#include <cerrno>
+#include <cstring>
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+namespace ecir::io {
+
+namespace fs = std::filesystem;
+
+namespace {
+
+/// A file descriptor that is closed on leaving the scope.
+class Descriptor {
+public:
+    explicit Descriptor(int number) : number_(number) {}
+    ~Descriptor() {
+        if (number_ >= 0) {
+            ::close(number_);
+        }
+    }
+    Descriptor(const Descriptor&) = delete;
+    Descriptor& operator=(const Descriptor&) = delete;
+    [[nodiscard]] int get() const { return number_; }
+    /// Some file systems report a lack of space only here.
+    int close() {
+        const int result = ::close(number_);
+        number_ = -1;
+        return result;
+    }
+
+private:
+    int number_;
+};
+
+const char* remedy(int error_number) {
+    switch (error_number) {
+    case ENOENT:
+        return "check the name and that its folder exists";
+    case EACCES:
+    case EPERM:
+        return "check the permissions or choose another place";
+    case ENOSPC:
+    case EDQUOT:
+    case EFBIG:
+        return "free some space or write to another disk";
+    case ENOMEM:
+        return "free some memory";
+    case EROFS:
+        return "choose a place that is not mounted read-only";
+    case ENOTDIR:
+        return "a part of the path before the last is not a folder; check the path";
+    case EISDIR:
+        return "this is a folder, give a file";
+    case ENAMETOOLONG:
+        return "choose a shorter name";
+    default:
+        return "check the path and the disk";
+    }
+}
+
+/// Reads until `bytes` is full or the file ends; returns how many were read.
+size_t read_into(int descriptor, const fs::path& path, std::span<uint8_t> bytes) {
+    size_t done = 0;
+    while (done < bytes.size()) {
+        const ssize_t got = ::read(descriptor, bytes.data() + done, bytes.size() - done);
+        if (got < 0 && errno != EINTR) {
+            throw system_error(errno, path, "cannot read");
+        }
+        if (got == 0) {
+            break;
+        }
+        done += got > 0 ? static_cast<size_t>(got) : 0;
+    }
+    return done;
+}
+
+Descriptor open_input(const fs::path& path) {
+    const int number = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
+    if (number < 0) {
+        throw system_error(errno, path, "cannot open");
+    }
+    return Descriptor(number);
+}
+
+void write_part(int descriptor, std::span<const uint8_t> bytes, const fs::path& path) {
+    while (!bytes.empty()) {
+        const ssize_t put = ::write(descriptor, bytes.data(), bytes.size());
+        if (put < 0 && errno != EINTR) {
+            throw system_error(errno, path, "cannot write");
+        }
+        bytes = bytes.subspan(put > 0 ? static_cast<size_t>(put) : 0);
+    }
+}
+
+} // namespace
+
+Error system_error(int error_number, const fs::path& path, const std::string& action) {
+    const bool space = error_number == ENOSPC || error_number == EDQUOT || error_number == EFBIG ||
+                       error_number == ENOMEM;
+    return {space ? ExitCode::resources : ExitCode::bad_input,
+            path.string() + ": " + action + ": " + std::strerror(error_number) + "; " +
+                remedy(error_number)};
+}
+
+std::vector<uint8_t> read_file(const fs::path& path) {
+    const Descriptor file = open_input(path);
+    struct stat about {};
+    if (::fstat(file.get(), &about) != 0) {
+        throw system_error(errno, path, "cannot read");
+    }
+    if (S_ISDIR(about.st_mode)) {
+        throw system_error(EISDIR, path, "cannot read");
+    }
+    // A size of 0 also stands for pipes and the like: those are read in growing steps.
+    std::vector<uint8_t> bytes(static_cast<size_t>(about.st_size) + 1);
+    size_t done = 0;
+    while ((done += read_into(file.get(), path, std::span(bytes).subspan(done))) == bytes.size()) {
+        bytes.resize(2 * bytes.size() + 4096);
+    }
+    bytes.resize(done);
+    return bytes;
+}
+
+std::vector<uint8_t> read_start(const fs::path& path, size_t count) {
+    const Descriptor file = open_input(path);
+    std::vector<uint8_t> bytes(count);
+    bytes.resize(read_into(file.get(), path, bytes));
+    return bytes;
+}
+
+void write_file(const fs::path& path, std::initializer_list<std::span<const uint8_t>> parts) {
+    Descriptor file(::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666));
+    if (file.get() < 0) {
+        throw system_error(errno, path, "cannot create");
+    }
+    struct stat about {};
+    const bool regular = ::fstat(file.get(), &about) == 0 && S_ISREG(about.st_mode);
+    try {
+        for (const auto& part : parts) {
+            write_part(file.get(), part, path);
+        }
+        if (file.close() != 0) {
+            throw system_error(errno, path, "cannot write");
+        }
+    } catch (const Error&) {
+        if (regular) {
+            ::unlink(path.c_str());
+        }
+        throw;
+    }
+}
+
+void check_can_grow(const fs::path& path) {
+    const Descriptor file(::open(path.c_str(), O_WRONLY | O_APPEND | O_CLOEXEC));
+    struct stat about {};
+    if (file.get() < 0 || ::fstat(file.get(), &about) != 0) {
+        throw system_error(errno, path, "cannot write");
+    }
+    // More than what a library tends to write at a time, so that its last write would have fitted.
+    const std::vector<uint8_t> block(size_t{1} << 16U);
+    const auto restore = [&] {
+        return !S_ISREG(about.st_mode) || ::ftruncate(file.get(), about.st_size) == 0;
+    };
+    try {
+        write_part(file.get(), block, path);
+    } catch (const Error&) {
+        (void)restore();
+        throw;
+    }
+    if (!restore()) {
+        throw system_error(errno, path, "cannot write");
+    }
+}
+
+std::string lower_extension(const fs::path& path) {
+    std::string extension = path.extension().string();
+    std::ranges::transform(extension, extension.begin(),
+                           [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+    return extension;
+}
+
+bool lies_within(const fs::path& inner, const fs::path& outer) {
+    std::error_code ignored;
+    const fs::path in = fs::weakly_canonical(inner, ignored);
+    const fs::path out = fs::weakly_canonical(outer, ignored);
+    return std::mismatch(out.begin(), out.end(), in.begin(), in.end()).first == out.end();
+}
+
+} // namespace ecir::io

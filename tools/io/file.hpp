@@ -1,0 +1,39 @@
+#pragma once
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <initializer_list>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "runtime/error.hpp"
+
+namespace ecir::io {
+
+/// The Error for a failed system call: exit 5 where space ran out (ENOSPC, EDQUOT, EFBIG) or
+/// memory did, else exit 3. `action` is what was tried, such as "cannot write".
+Error system_error(int error_number, const std::filesystem::path& path, const std::string& action);
+
+/// The whole file. Throws Error(bad_input) naming the file when it cannot be read.
+std::vector<uint8_t> read_file(const std::filesystem::path& path);
+
+/// The first bytes, at most `count`. Errors as for read_file.
+std::vector<uint8_t> read_start(const std::filesystem::path& path, size_t count);
+
+/// Writes the parts one after another in place of what the file held. Every write is checked, so a
+/// full disk is an Error(resources); a regular file that could not be completed is removed.
+void write_file(const std::filesystem::path& path,
+                std::initializer_list<std::span<const uint8_t>> parts);
+
+/// Throws Error(resources) when an existing file cannot grow, which tells of a full disk where a
+/// library hides that its writes failed. Leaves the file as it is.
+void check_can_grow(const std::filesystem::path& path);
+
+/// The extension in lower case, with its dot.
+std::string lower_extension(const std::filesystem::path& path);
+
+/// Whether two paths name one existing thing or the first lies within the second, links resolved.
+bool lies_within(const std::filesystem::path& inner, const std::filesystem::path& outer);
+
+} // namespace ecir::io

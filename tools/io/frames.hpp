@@ -1,0 +1,37 @@
+#pragma once
+#include <filesystem>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "layers/events.hpp"
+#include "tools/io/image.hpp"
+
+namespace ecir::io {
+
+/// A line of frames.csv: an image file and its time within the exposure.
+struct FrameTime {
+    std::string file;
+    double t_normalised = 0; ///< -1 at the exposure's start, 1 at its end
+    double t_us = 0;         ///< on the events' clock, microseconds
+};
+
+/// t in [-1, 1] as a time on the events' clock, microseconds.
+double absolute_time(const Exposure& exposure, double t_normalised);
+
+/// The name of output frame `index`: 000000.png, 000001.png, ...
+std::string frame_name(size_t index);
+
+/// Writes `file,t_normalised,t_us`, numbers with the digits that restore them exactly.
+/// Errors as for write_image.
+void write_frames_csv(const std::filesystem::path& path, std::span<const FrameTime> frames);
+
+/// The images (.png, .tif, .tiff, .jpg, .jpeg) directly in a folder, sorted by name; hidden files
+/// are left out. Throws Error(bad_input) when there is none.
+std::vector<std::filesystem::path> list_images(const std::filesystem::path& folder);
+
+/// Reads them; all have one size and one number of channels, else Error(bad_input) names the first
+/// that differs. The depth of each is in its `bits`.
+std::vector<Image> read_frames(const std::filesystem::path& folder);
+
+} // namespace ecir::io

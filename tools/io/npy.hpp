@@ -1,0 +1,21 @@
+#pragma once
+#include <cstdint>
+#include <filesystem>
+#include <span>
+#include <vector>
+
+namespace ecir::io {
+
+/// A float32 array in C order.
+struct Array {
+    std::vector<size_t> shape;
+    std::vector<float> values;
+};
+
+/// NumPy format 1.0, little-endian. Reading takes f4, f8, u1 and u2 (u1 and u2 stay 0..255 and
+/// 0..65535: see `integer`). Errors as for read_image / write_image.
+Array read_npy(const std::filesystem::path& path, bool* integer = nullptr);
+void write_npy(const std::filesystem::path& path, std::span<const size_t> shape,
+               std::span<const float> values);
+
+} // namespace ecir::io

@@ -1,0 +1,143 @@
+#!/usr/bin/env python3
+"""Reference cases for the other implementations: random small networks, inputs, float64 outputs.
+
+Each file holds the weights under their contract names (float16, so exact in any precision),
+`input.*` and `output.*`. Frames and keypoints are kept at every STRIDE-th pixel in x and y.
+"""
+import argparse
+import os
+import sys
+
+import numpy as np
+import torch
+
+from events import network_inputs
+from export import model_metadata, model_tensors, write_safetensors
+from model import PAPER, RELEASE, ECIR
+
+STRIDE = 5
+EXPOSURE_US = 120000
+FRAMES = 14
+WIDTH = 4
+
+
+def synthetic_blurry(rng, height, width):
+    """Smooth blobs, edges and texture as whole 8-bit codes, float64 [H, W] of k / 255."""
+    y, x = np.mgrid[0:height, 0:width]
+    image = 0.45 + 0.2 * np.sin(x / 17.0) * np.cos(y / 11.0) + 0.1 * np.sin((x + 2 * y) / 3.1)
+    image += np.where((x - 0.6 * width) ** 2 + (y - 0.4 * height) ** 2 < (0.2 * height) ** 2, 0.25, 0.0)
+    image += rng.normal(0, 0.02, image.shape)
+    return np.round(np.clip(image, 0, 1) * 255) / 255
+
+
+def synthetic_events(rng, height, width, count):
+    """Sorted t, x, y, p: sweeping edges with bursts per pixel, shared microseconds, bin edges."""
+    centres = count // 6
+    t0 = rng.integers(0, EXPOSURE_US + 1, centres)
+    x0 = np.clip(width * t0 / EXPOSURE_US + rng.normal(0, width / 12, centres), 0, width - 1)
+    y0 = np.clip(height * (0.5 + 0.35 * np.sin(t0 / 9000.0)) + rng.normal(0, height / 9, centres),
+                 0, height - 1)
+    burst = 5
+    t = (t0[:, None] + np.cumsum(rng.integers(0, 2500, (centres, burst)), 1)).ravel()
+    x, y = np.repeat(x0.astype(np.int64), burst), np.repeat(y0.astype(np.int64), burst)
+    p = np.repeat(rng.integers(0, 2, centres), burst)
+    p = np.where(rng.random(p.size) < 0.15, 1 - p, p)
+
+    edges = np.concatenate([np.arange(21) * 6000, (2 * np.arange(9) + 1) * EXPOSURE_US // 18,
+                            [0, EXPOSURE_US]])
+    special = np.repeat(edges, 8)
+    special = np.concatenate([special, rng.integers(1, 9, 80) * EXPOSURE_US // 10,
+                              np.full(40, EXPOSURE_US // 2)])
+    t = np.concatenate([t, special])
+    x = np.concatenate([x, rng.integers(0, width // STRIDE, special.size) * STRIDE])
+    y = np.concatenate([y, rng.integers(0, height // STRIDE, special.size) * STRIDE])
+    p = np.concatenate([p, rng.integers(0, 2, special.size)])
+    # Two events of one pixel at the same distance on either side of the pivot 120000 * 3 / 9.
+    for i, offset in enumerate((3, 700, 6000)):
+        t = np.append(t, [40000 - offset, 40000 + offset])
+        x, y, p = np.append(x, [5 * i, 5 * i]), np.append(y, [10, 10]), np.append(p, [1, 0])
+    order = np.argsort(t, kind="stable")
+    order = order[t[order] <= EXPOSURE_US]
+    return t[order].astype(np.int64), x[order], y[order], p[order]
+
+
+def scaled_network(rng, variant, bins, inputs):
+    """Random network (half-precision weights) whose frames vary visibly and stay of order one."""
+    torch.manual_seed(int(rng.integers(1 << 31)))
+    model = ECIR(variant, WIDTH, bins).double().eval()
+    blurry, counts, points, times, between = inputs
+    with torch.no_grad():
+        for module in model.modules():
+            if isinstance(module, torch.nn.BatchNorm2d):
+                module.running_mean.normal_(0, 0.2)
+                module.running_var.uniform_(0.5, 1.5)
+                module.weight.uniform_(0.6, 1.4)
+                module.bias.normal_(0, 0.2)
+        for name in ("de_conv1", "de_conv2", "de_conv3", "de_conv4"):
+            getattr(model.unet, name)[0].weight.mul_(2.0)
+        spread = model.unet(blurry, counts, points).std()
+        model.unet.pred.weight.mul_(0.3 / spread)
+        model.unet.pred.bias.zero_()
+        model.refine.alpha_net.bias.fill_(1.5)
+        for net in (model.refine.first_res_net, model.refine.other_res_net):
+            net[2].weight.mul_(0.8)
+        # A near identity with some character: the polish alone must not hide the frames.
+        polish = model.refine.final
+        polish[0].weight.mul_(0.3)
+        polish[0].weight[:, 0, 1, 1] += 1.0
+        polish[2].weight.mul_(0.1)
+        polish[2].weight[0, :, 1, 1] += 1.0 / 32
+        for value in model.state_dict().values():
+            if value.is_floating_point():
+                value.copy_(value.half().double())
+    return model
+
+
+def write_case(path, variant, width, height, count, seed):
+    """Writes one case; returns the median frame change by the curve and by the refinement."""
+    rng = np.random.default_rng(seed)
+    bins = 40 if variant == PAPER else 26
+    blurry = synthetic_blurry(rng, height, width).astype(np.float32)
+    t, x, y, p = synthetic_events(rng, height, width, count)
+    times = np.linspace(-1, 1, FRAMES).astype(np.float32)
+    counts, points, between = network_inputs(t, x, y, p, 0, EXPOSURE_US, (height, width), variant,
+                                             bins, 10, times.astype(np.float64))
+    inputs = [torch.from_numpy(np.asarray(a)).double()[None]
+              for a in (blurry[None], counts, points, times, between)]
+    model = scaled_network(rng, variant, bins, inputs)
+    with torch.no_grad():
+        initial, refined = model(inputs[0], inputs[1], inputs[2], times.astype(np.float64), inputs[4])
+    initial, refined = initial[0].numpy(), refined[0].numpy()
+    tensors = model_tensors(model, np.float16)
+    small = {"input.blurry": blurry, "input.t": t, "input.x": x, "input.y": y, "input.p": p,
+             "input.exposure": np.array([0, EXPOSURE_US]), "input.times": times,
+             "output.initial": initial[:, ::STRIDE, ::STRIDE],
+             "output.refined": refined[:, ::STRIDE, ::STRIDE],
+             "output.histogram_sum": counts.sum((1, 2), dtype=np.float64),
+             "output.keypoints": points[:, ::STRIDE, ::STRIDE]}
+    tensors.update({name: np.asarray(value, np.float32) for name, value in small.items()})
+    for name in ("input.x", "input.y", "input.p"):  # whole numbers below 2048: exact, and smaller
+        tensors[name] = tensors[name].astype(np.float16)
+    write_safetensors(path, tensors, model_metadata(model, training="none: random reference case"))
+    return np.abs(initial - blurry).mean(), np.abs(refined - initial).mean(), np.abs(refined).max()
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("-o", "--output", required=True, help="folder, for example tests/fixtures")
+    parser.add_argument("--all", action="store_true",
+                        help="also the release variant at 240x180 (left out by default for size)")
+    args = parser.parse_args()
+    if not os.path.isdir(args.output):
+        sys.exit(f"make_fixtures: {args.output}: no such folder; create it first")
+    cases = [(PAPER, 240, 180, 4000), (PAPER, 173, 131, 3000), (RELEASE, 173, 131, 3000)]
+    cases += [(RELEASE, 240, 180, 4000)] if args.all else []
+    for seed, (variant, width, height, count) in enumerate(cases):
+        path = os.path.join(args.output, f"ecir-{variant}-{width}x{height}.safetensors")
+        curve, refinement, peak = write_case(path, variant, width, height, count, seed + 1)
+        print(f"{path}: {os.path.getsize(path)} bytes, mean change by the curve {curve:.3f}, "
+              f"by the refinement {refinement:.3f}, largest value {peak:.2f}")
+
+
+if __name__ == "__main__":
+    main()

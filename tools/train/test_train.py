@@ -1,0 +1,220 @@
+"""Unit tests: /usr/bin/python3 -m unittest test_train (from tools/train)."""
+import os
+import subprocess
+import sys
+import tempfile
+import unittest
+
+import numpy as np
+import torch
+
+HERE = os.path.dirname(os.path.abspath(__file__))
+sys.path.insert(0, HERE)
+
+import events
+import export
+import model as m
+import simulate
+import train
+
+torch.set_num_threads(1)
+
+
+class Curve(unittest.TestCase):
+    def setUp(self):
+        rng = np.random.default_rng(3)
+        self.n = 10
+        self.points = np.sort(m.pivots(self.n)[:, None, None] + rng.uniform(-.08, .08, (self.n, 3, 2)), 0).clip(-1, 1)
+        self.coefficients = rng.normal(0, 1, (self.n, 3, 2))     # of dL/dt, Chebyshev series
+        cheb = np.polynomial.chebyshev
+        basis = cheb.chebvander(self.points, self.n - 1)
+        self.derivative = np.einsum("nhwk,khw->nhw", basis, self.coefficients)
+        self.times = np.linspace(-1, 1, 201)
+
+    def frames(self, times, variant=m.RELEASE):
+        values = m.derivative_at_nodes(torch.tensor(self.derivative)[None], torch.tensor(self.points)[None], variant)
+        blurry = torch.full((1, 1, 3, 2), 0.4, dtype=torch.float64)
+        return m.render(blurry, values, m.frame_matrix(times, self.n))[0].numpy()
+
+    def test_equals_the_integrated_polynomial(self):
+        cheb = np.polynomial.chebyshev
+        primitive = cheb.chebint(self.coefficients, lbnd=-1)
+        second = cheb.chebint(primitive, lbnd=-1)
+        mean = cheb.chebval(1.0, second) / 2
+        expected = cheb.chebval(self.times, primitive).transpose(2, 0, 1) - mean + 0.4
+        np.testing.assert_allclose(self.frames(self.times), expected, atol=1e-10)
+
+    def test_mean_is_the_blurry_frame(self):
+        nodes, weights = np.polynomial.legendre.leggauss(12)
+        for variant in (m.PAPER, m.RELEASE):
+            mean = np.tensordot(weights, self.frames(nodes, variant), 1) / 2
+            np.testing.assert_allclose(mean, 0.4, atol=1e-12)
+
+    def test_spread_keypoints(self):
+        delta = 2.0 / 9 / 16
+        t = m.pivots(10).copy()
+        t[4] = t[3] + 1e-6
+        t[8] = t[9] = 1.0
+        s = m.spread_keypoints(torch.tensor(t).view(1, -1, 1, 1)).numpy().ravel()
+        self.assertGreaterEqual(np.diff(s).min(), delta - 1e-12)
+        self.assertEqual(s[-1], 1.0)
+        self.assertAlmostEqual(s[8], 1.0 - delta, 12)
+        np.testing.assert_array_equal(s[[0, 1, 2, 3, 5, 6, 7]], t[[0, 1, 2, 3, 5, 6, 7]])
+
+
+class Networks(unittest.TestCase):
+    def test_parameter_counts_of_the_published_networks(self):
+        with torch.no_grad():
+            model = m.ECIR(m.RELEASE, 64, 26)
+        count = [sum(p.numel() for p in part.parameters()) for part in (model.unet, model.refine)]
+        self.assertEqual(count, [19230140, 6058])
+
+    def test_transposed_convolution_equals_torch(self):
+        up, x = m._Up(6, 4), torch.rand(2, 6, 5, 7)
+        for size in ((9, 13), (10, 14), (9, 14)):
+            expected = up[0](x, output_size=list(size)).clamp(min=0)
+            self.assertTrue(torch.allclose(up(x, size), expected, atol=1e-5))
+
+    def test_any_size_and_one_frame(self):
+        model = m.ECIR(width=4, bins=6, n=3).eval()
+        for size in ((16, 16), (17, 31), (23, 16)):
+            with torch.no_grad():
+                initial, refined = model(torch.rand(1, 1, *size), torch.rand(1, 6, *size),
+                                         torch.tensor(m.pivots(3)).float().view(1, 3, 1, 1).expand(1, 3, *size),
+                                         [0.0], torch.zeros(1, 0, *size))
+            self.assertEqual(initial.shape, (1, 1) + size)
+            self.assertEqual(refined.shape, (1, 1) + size)
+
+
+class Histogram(unittest.TestCase):
+    def counts(self, t, p, variant, edges, start=0, end=100):
+        tau = events.normalise(np.array(t), start, end)
+        zero = np.zeros(len(t), int)
+        return events.histogram(tau, zero, zero, np.array(p), edges, (1, 1), variant)[:, 0, 0].tolist()
+
+    def test_paper_is_half_open_and_closed_at_the_end(self):
+        edges = events.unet_edges(m.PAPER, 8)
+        self.assertEqual(self.counts([0, 25, 50, 75, 100, 100], [1, 1, 0, 1, 0, 1], m.PAPER, edges),
+                         [1, 0, 1, 0, 0, 1, 2, 1])
+
+    def test_every_edge_is_exact_at_large_times(self):
+        start, end = 1615007563376030, 1615007563376030 + 104000
+        edges = events.unet_edges(m.PAPER, 40)
+        t = start + np.arange(20, dtype=np.int64) * 5200
+        tau = events.normalise(t, start, end)
+        zero = np.zeros(20, int)
+        counts = events.histogram(tau, zero, zero, zero + 1, edges, (1, 1), m.PAPER)[:, 0, 0]
+        np.testing.assert_array_equal(counts, [1, 0] * 20)
+
+    def test_release_is_closed_and_drops_the_latest_time(self):
+        edges = [-1.0, 0.0, 1.0]
+        # [0, 50]: the two at 50 go; [50, 100]: the one at 100 goes, those at 50 stay.
+        self.assertEqual(self.counts([0, 10, 50, 50, 100], [1, 0, 1, 1, 1], m.RELEASE, edges), [1, 1, 2, 0])
+        self.assertEqual(self.counts([10, 10], [1, 1], m.RELEASE, edges), [0, 0, 0, 0])
+
+
+class Keypoints(unittest.TestCase):
+    def points(self, t, variant=m.PAPER, n=3, start=0, end=100):
+        zero = np.zeros(len(t), int)
+        return events.keypoints(np.array(t, np.int64), zero, zero, start, end, n, (1, 1), variant)[:, 0, 0]
+
+    def test_nearest_event_of_the_cell(self):
+        np.testing.assert_allclose(self.points([10, 20, 45, 60]), [-0.8, -0.1, 1.0], atol=1e-7)
+
+    def test_border_belongs_to_the_later_cell_and_ties_keep_the_earlier_event(self):
+        np.testing.assert_allclose(self.points([25]), [-1.0, -0.5, 1.0], atol=1e-7)
+        np.testing.assert_allclose(self.points([40, 60]), [-1.0, -0.2, 1.0], atol=1e-7)
+
+    def test_exact_ties_around_an_inexact_pivot(self):
+        # Pivot 120000 / 3 has no exact float64 time: rounding must not choose.
+        for offset in range(1, 6000, 371):
+            got = self.points([40000 - offset, 40000 + offset], n=4, end=120000)
+            self.assertEqual(got[1], np.float32((2 * (40000 - offset) - 120000) / 120000))
+
+    def test_release_normalises_to_zero_one(self):
+        # Times become 0, 0.1, 0.6, 1: only the pivots of the second half can move.
+        np.testing.assert_allclose(self.points([20, 30, 80, 120], m.RELEASE, n=5), [-1, -.5, 0, .6, 1], atol=1e-7)
+        np.testing.assert_allclose(self.points([0, 10, 60, 100], n=5), [-1, -.5, .2, .5, 1], atol=1e-7)
+
+    def test_no_events(self):
+        np.testing.assert_allclose(self.points([]), [-1, 0, 1])
+
+
+class Files(unittest.TestCase):
+    def test_round_trip(self):
+        model = m.ECIR(width=4).eval()
+        with tempfile.TemporaryDirectory() as folder:
+            path = os.path.join(folder, "a.safetensors")
+            export.write_safetensors(path, export.model_tensors(model), export.model_metadata(model, training="t"))
+            again, metadata = export.load_model(path)
+            self.assertEqual(metadata["histogram_bins"], "40")
+            for (name, a), b in zip(model.state_dict().items(), again.state_dict().values()):
+                self.assertTrue(torch.equal(a, b), name)
+            with open(path, "r+b") as f:
+                f.truncate(os.path.getsize(path) - 4)
+            with self.assertRaisesRegex(ValueError, "truncated"):
+                export.load_model(path)
+
+    def test_import_of_published_state_dicts(self):
+        model = m.ECIR(m.RELEASE, 4, 26)
+        script = os.path.join(HERE, "import_release.py")
+        with tempfile.TemporaryDirectory() as folder:
+            paths = [os.path.join(folder, name) for name in ("g.pth", "r.pth", "out.safetensors")]
+            torch.save({"module." + k: v for k, v in model.unet.state_dict().items()}, paths[0])
+            torch.save(model.refine.state_dict(), paths[1])
+            subprocess.run([sys.executable, script, *paths[:2], "-o", paths[2]], check=True)
+            tensors, metadata = export.read_safetensors(paths[2])
+            self.assertEqual(metadata["variant"], "release")
+            np.testing.assert_array_equal(tensors["unet.pred.weight"], model.unet.pred.weight.detach().numpy())
+            self.assertFalse([name for name in tensors if "num_batches" in name])
+            swapped = subprocess.run([sys.executable, script, paths[1], paths[0], "-o", paths[2]],
+                                     capture_output=True, text=True)
+            self.assertNotEqual(swapped.returncode, 0)
+            self.assertIn("swapped", swapped.stderr)
+
+
+class Simulator(unittest.TestCase):
+    photos = [np.random.default_rng(5).random((160, 200)).astype(np.float32)]
+
+    def scene(self, index=0, travel=12):
+        return simulate.make_scene(self.photos, 1, index, (48, 64), travel)
+
+    def test_seeded(self):
+        a, b, c = self.scene(), self.scene(), self.scene(1)
+        for name in ("blurry", "truth", "t", "x", "y", "p", "times"):
+            np.testing.assert_array_equal(getattr(a, name), getattr(b, name))
+        self.assertFalse(np.array_equal(a.blurry, c.blurry))
+
+    def test_travel(self):
+        for index in range(4):
+            path = simulate.random_motion(np.random.default_rng(index), (180, 240), 30.0)
+            centre = np.hypot(*np.diff(path[:2], axis=1)).sum()
+            self.assertTrue(10 < centre < 45, centre)
+
+    def test_events_follow_the_log_intensity(self):
+        sensor = simulate.EventSensor(np.random.default_rng(1), (1, 1))
+        sensor.positive, sensor.negative, sensor.sigma = 0.2, 0.2, 0.0
+        sensor.warm, sensor.noise_hz, sensor.refractory_us = False, 0.0, 0.0
+        level = np.exp(np.linspace(-2, -2 + 1.1, 12)) - simulate.LOG_EPS
+        t, _, _, p = sensor.run([np.full((1, 1), v, np.float32) for v in level], np.arange(12) * 100.0)
+        np.testing.assert_allclose(t, np.arange(1, 6) * 200, atol=1)
+        self.assertTrue((p == 1).all())
+
+    def test_reversing_time_twice_changes_nothing(self):
+        packed = {name: torch.from_numpy(v) for name, v in simulate.pack(self.scene()).items()}
+
+        class Always:
+            def __init__(self, value):
+                self.value = iter(value)
+
+            def random(self):
+                return next(self.value)
+        once = train.augment(packed, Always([0, 1, 1, 0]))
+        self.assertFalse(torch.equal(once["histogram"], packed["histogram"]))
+        twice = train.augment(once, Always([0, 1, 1, 0]))
+        for name in packed:
+            self.assertTrue(torch.equal(twice[name], packed[name]), name)
+
+
+if __name__ == "__main__":
+    unittest.main()
