@@ -8,9 +8,9 @@
 
 namespace ecir {
 
-/// The intensity curve of a pixel (equations 3 and 4 of the paper): the polynomial P of degree n -
-/// 1 through the derivatives y_i at the keypoints t_i, integrated, with the constant that makes the
-/// mean over the exposure [-1, 1] the blurry frame B (equation 1).
+/// The intensity curve of a pixel (equations 6 and 7 of the paper): the polynomial P through the n
+/// derivatives y_i at the keypoints t_i, integrated, with the constant that makes the mean over the
+/// exposure [-1, 1] the blurry frame B (equation 3).
 ///
 /// The published code expands P in monomials and loses digits to cancellation. Here
 ///     P(x_k) = sum_i y_i w_i prod_{j != i} (x_k - t_j),   w_i = 1 / prod_{j != i} (t_i - t_j)
@@ -21,7 +21,7 @@ namespace ecir {
 /// mean over the exposure is 0, so the mean of L is B whatever P is.
 ///
 /// Measured (tests/test_curve.cpp): |error of L| <= n eps (|B| + sum_k |S(t, k)| sum_i |l_i(x_k)|
-/// |y_i|), eps = 2^-23, for n = 2 ... 20 and keypoints down to 1 us apart (0.2 n eps from n = 6
+/// |y_i|), eps = 2^-23, for n = 2 ... 20 and keypoints down to 1 us apart (0.3 n eps from n = 6
 /// on); the mean is B to 2 eps of the curve's largest value. With n = 10, keypoints anywhere in
 /// their cells and |y| <= 4, the largest error is 9e-6, in float32 monomials 2e-2.
 ///

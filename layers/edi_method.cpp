@@ -24,9 +24,10 @@ void EdiMethod::build(uint32_t frames, uint32_t capacity) {
     blurry_ = program_->input({1, height_, width_});
     thresholds_ = program_->input({1, 1, 2});
     schedule_ = program_->input({1, 2, frames});
+    busy_ = program_->input({1, 1, edi_busy_length(capacity)});
     output_ = program_->output({frames, height_, width_});
     record_edi(*program_, {events_.offset, events_.time, events_.mark, blurry_, thresholds_},
-               schedule_, output_);
+               schedule_, busy_, output_);
     program_->finish();
     count_ = frames;
 }
@@ -42,6 +43,7 @@ std::span<const float> EdiMethod::frames(const FrameInput& input) {
     program_->write(blurry_, input.blurry);
     program_->write(thresholds_, std::span<const float>(&used_->positive, 2));
     program_->write(schedule_, edi_schedule(input.times));
+    program_->write(busy_, edi_busy_pixels(packed));
     program_->run();
     return program_->read(output_);
 }

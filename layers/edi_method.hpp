@@ -34,6 +34,7 @@ private:
     Tensor blurry_;
     Tensor thresholds_;
     Tensor schedule_;
+    Tensor busy_;
     Tensor output_;
 };
 

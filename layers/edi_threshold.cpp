@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <bit>
 #include <cmath>
 #include <limits>
 #include <string>
@@ -39,38 +38,41 @@ double weight(double error, double floor_) {
     return variance > 0 ? 1 / variance : 0;
 }
 
-/// Where the falling test `blur` crosses zero on a grid of sizes, and how it slopes there.
+/// A point near which the falling test `blur` crosses zero, and how both tests slope along the
+/// size.
 struct Crossing {
     Point point = prior;
+    EdiBalance value;
     double blur_slope = 0;
     double drift_slope = 0;
 };
 
+/// Walks from the prior over a grid of sizes until `blur` changes its sign; stays at the prior when
+/// it does not.
 Crossing find_crossing(const std::function<EdiBalance(const EdiThresholds&)>& balance) {
-    constexpr size_t count = 7;
-    constexpr double lowest = 0.08;
-    constexpr double highest = 0.5;
-    const double spacing = std::log(highest / lowest) / (count - 1);
-    std::array<double, count> size{};
-    std::array<EdiBalance, count> value{};
-    for (size_t i = 0; i < count; ++i) {
-        size[i] = std::log(lowest) + static_cast<double>(i) * spacing;
-        value[i] = balance(thresholds_at({size[i], 0}));
-    }
-    Crossing result;
-    // Without a crossing the search starts at the prior, which lies in the middle of the grid.
-    // Noise can make more crossings at small sizes, where the frames hardly differ from the blurry
-    // one.
-    size_t at = count / 2 - 1;
-    for (size_t i = 0; i + 1 < count; ++i) {
-        if (value[i].blur > 0 && value[i + 1].blur <= 0) {
-            at = i;
-            result.point.size =
-                size[i] + spacing * value[i].blur / (value[i].blur - value[i + 1].blur);
+    constexpr double spacing = 0.3;
+    constexpr int most = 3; // 0.08 to 0.49
+    const EdiBalance middle = balance(thresholds_at(prior));
+    const double direction = middle.blur > 0 ? spacing : -spacing;
+    const auto slope = [&](double near, double far) { return (far - near) / direction; };
+    Crossing result{prior, middle, 0, 0};
+    EdiBalance near = middle;
+    for (int i = 1; i <= most; ++i) {
+        const Point point{prior.size + i * direction, prior.ratio};
+        const EdiBalance far = balance(thresholds_at(point));
+        const bool crossed = (far.blur > 0) != (middle.blur > 0);
+        if (i == 1 || crossed) {
+            result.blur_slope = std::min(slope(near.blur, far.blur), -1e-3);
+            result.drift_slope = slope(near.drift, far.drift);
         }
+        if (crossed) {
+            const bool closer = std::abs(far.blur) < std::abs(near.blur);
+            result.point.size = point.size - (closer ? 0 : direction);
+            result.value = closer ? far : near;
+            break;
+        }
+        near = far;
     }
-    result.blur_slope = std::min((value[at + 1].blur - value[at].blur) / spacing, -1e-3);
-    result.drift_slope = (value[at + 1].drift - value[at].drift) / spacing;
     return result;
 }
 
@@ -102,11 +104,11 @@ EdiBalance edi_balance(std::span<const float> moments, uint32_t tiles) {
 EdiThresholds solve_edi_thresholds(const std::function<EdiBalance(const EdiThresholds&)>& balance) {
     constexpr double probe = 0.1;
     constexpr double longest_step = 0.3;
-    constexpr double close_enough = 0.004;
-    constexpr int steps = 5;
+    constexpr double close_enough = 0.01;
+    constexpr int steps = 4;
     const Crossing crossing = find_crossing(balance);
     Point point = crossing.point;
-    EdiBalance here = balance(thresholds_at(point));
+    EdiBalance here = crossing.value;
     const EdiBalance beside = balance(thresholds_at({point.size, point.ratio + probe}));
     // Derivatives of the tests by size and ratio.
     std::array<double, 2> blur = {crossing.blur_slope, (beside.blur - here.blur) / probe};
@@ -138,7 +140,7 @@ EdiThresholds solve_edi_thresholds(const std::function<EdiBalance(const EdiThres
             break;
         }
         const EdiBalance there = balance(thresholds_at(next));
-        // Broyden's update; the slope that the grid found is kept in part, so that noise cannot
+        // Broyden's update; the slope that the walk found is kept in part, so that noise cannot
         // turn it.
         const double length = ds * ds + dr * dr;
         const double blur_miss = there.blur - here.blur - blur[0] * ds - blur[1] * dr;

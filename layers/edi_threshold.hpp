@@ -31,7 +31,7 @@ EdiBalance edi_balance(std::span<const float> moments, uint32_t tiles);
 
 /// The thresholds at which both tests come out 0, each within its error, traded off against a wide
 /// prior around 0.2 for both signs, which decides where events or texture are few. Always within
-/// 0.04 to 0.8. Calls `balance` at most 14 times.
+/// 0.04 to 0.8. Calls `balance` at most 9 times.
 EdiThresholds solve_edi_thresholds(const std::function<EdiBalance(const EdiThresholds&)>& balance);
 
 /// The estimation on a device, for sensors of one size (16 x 16 or more).

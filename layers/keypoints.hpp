@@ -22,7 +22,7 @@ inline constexpr uint32_t max_keypoints = 20;
 
 /// What the kernel needs to place events, as 32-bit integers: an event at tick u lies in cell
 /// floor(a / 2 span) with a = scale (u - origin) + bias, and |a mod 2 span - span| is proportional
-/// to its distance from the pivot. a <= (2 n - 1) span < 2^32 (see longest_exposure_us). A span of
+/// to its distance from the pivot. 2 n span < 2^32 bounds a (see longest_exposure_us). A span of
 /// 0 moves no pivot.
 struct KeypointRule {
     uint32_t scale = 0;

@@ -8,13 +8,10 @@
 #include "runtime/error.hpp"
 
 namespace ecir {
-namespace {
 
 std::string mebibytes(uint64_t bytes) {
     return std::to_string((bytes + (1U << 20) - 1) >> 20) + " MiB";
 }
-
-} // namespace
 
 Buffer::Buffer(Device& device, VkDeviceSize bytes, Place place) : size_(bytes) {
     const DeviceInfo& info = device.info();

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <memory>
 #include <span>
+#include <string>
 
 #include "runtime/vk.hpp"
 
@@ -46,5 +47,8 @@ template <typename T>
 std::shared_ptr<const Buffer> upload(Device& device, std::span<const T> values) {
     return upload(device, std::as_bytes(values));
 }
+
+/// For messages: "12 MiB", rounded up.
+std::string mebibytes(uint64_t bytes);
 
 } // namespace ecir

@@ -1,7 +1,6 @@
 #include "runtime/program.hpp"
 
 #include <algorithm>
-#include <map>
 
 #include "runtime/error.hpp"
 
@@ -11,41 +10,10 @@ namespace {
 /// Kernels may read (never write) a little past a tensor's last row; so the arena ends later.
 constexpr uint64_t kArenaSlack = 64 << 10;
 
-/// A submission ends after this much estimated work: desktop drivers give up on seconds-long ones.
-constexpr double kSubmissionSeconds = 0.25;
-
-double estimated_seconds(const Dispatch& dispatch, bool cpu) {
-    // Deliberately slow guesses, so that a submission stays short on weak devices as well.
-    const double flops = cpu ? 10e9 : 200e9;
-    const double bytes = cpu ? 5e9 : 50e9;
-    return dispatch.flops / flops + dispatch.bytes / bytes + 5e-6;
-}
-
 uint64_t align(uint64_t value) {
     return (value + kBindingAlignment - 1) / kBindingAlignment * kBindingAlignment;
 }
 
-std::string mebibytes(uint64_t bytes) { return std::to_string((bytes >> 20) + 1) + " MiB"; }
-
-void memory_barrier(VkCommandBuffer commands) {
-    VkMemoryBarrier barrier{};
-    barrier.sType = VK_STRUCTURE_TYPE_MEMORY_BARRIER;
-    barrier.srcAccessMask = VK_ACCESS_SHADER_WRITE_BIT | VK_ACCESS_TRANSFER_WRITE_BIT;
-    barrier.dstAccessMask = VK_ACCESS_SHADER_READ_BIT | VK_ACCESS_SHADER_WRITE_BIT |
-                            VK_ACCESS_TRANSFER_READ_BIT | VK_ACCESS_TRANSFER_WRITE_BIT;
-    constexpr auto kStages =
-        VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT | VK_PIPELINE_STAGE_TRANSFER_BIT;
-    vkCmdPipelineBarrier(commands, kStages, kStages, 0, 1, &barrier, 0, nullptr, 0, nullptr);
-}
-
-void host_barrier(VkCommandBuffer commands) {
-    VkMemoryBarrier barrier{};
-    barrier.sType = VK_STRUCTURE_TYPE_MEMORY_BARRIER;
-    barrier.srcAccessMask = VK_ACCESS_TRANSFER_WRITE_BIT;
-    barrier.dstAccessMask = VK_ACCESS_HOST_READ_BIT;
-    vkCmdPipelineBarrier(commands, VK_PIPELINE_STAGE_TRANSFER_BIT, VK_PIPELINE_STAGE_HOST_BIT, 0, 1,
-                         &barrier, 0, nullptr, 0, nullptr);
-}
 
 } // namespace
 
@@ -152,223 +120,6 @@ std::vector<Program::Range> Program::ranges(const Step& step) const {
     return result;
 }
 
-uint64_t Program::address(const Dispatch::Pointer& pointer) const {
-    const Range target = range(pointer.argument);
-    const uint64_t base =
-        pointer.argument.buffer != nullptr ? pointer.argument.buffer->address() : arena_.address();
-    return base + target.begin + pointer.byte_offset;
-}
-
-void Program::make_descriptors() {
-    const DeviceInfo& info = device_.info();
-    struct Set {
-        const Kernel* kernel;
-        std::vector<VkDescriptorBufferInfo> buffers;
-    };
-    std::vector<Set> wanted;
-    std::map<std::vector<uint64_t>, size_t> known;
-    std::vector<size_t> set_of_step(steps_.size(), SIZE_MAX);
-    dynamic_.assign(steps_.size(), {});
-    for (size_t index = 0; index < steps_.size(); ++index) {
-        const Dispatch& dispatch = steps_[index].dispatch;
-        if (steps_[index].clear || dispatch.arguments.empty()) {
-            continue;
-        }
-        const auto& bindings = dispatch.kernel->reflection().bindings;
-        Set set{dispatch.kernel, {}};
-        std::vector<uint64_t> key{reinterpret_cast<uint64_t>(dispatch.kernel)};
-        for (size_t i = 0; i < bindings.size(); ++i) {
-            const Argument& argument = dispatch.arguments.at(i);
-            Range bound = range(argument);
-            if (bindings[i].uniform) {
-                dynamic_[index].push_back(static_cast<uint32_t>(argument.offset));
-                bound.begin = 0;
-                bound.end = std::min<uint64_t>(argument.buffer->size(), info.max_uniform_range);
-            } else {
-                bound.begin = bound.begin / kBindingAlignment * kBindingAlignment;
-                if (bound.end - bound.begin > info.max_storage_range) {
-                    throw Error(ExitCode::resources,
-                                "kernel " + dispatch.kernel->name() + " binds a tensor of " +
-                                    mebibytes(bound.end - bound.begin) + ", but " + info.name +
-                                    " binds at most " + mebibytes(info.max_storage_range) +
-                                    "; use a smaller --size or fewer --frames");
-                }
-            }
-            set.buffers.push_back({bound.buffer, bound.begin, bound.end - bound.begin});
-            key.insert(key.end(),
-                       {reinterpret_cast<uint64_t>(bound.buffer), bound.begin, bound.end});
-        }
-        const auto [found, fresh] = known.try_emplace(std::move(key), wanted.size());
-        set_of_step[index] = found->second;
-        if (fresh) {
-            wanted.push_back(std::move(set));
-        }
-    }
-
-    uint32_t storage = 1;
-    uint32_t uniform = 1;
-    for (const Set& set : wanted) {
-        for (const auto& binding : set.kernel->reflection().bindings) {
-            (binding.uniform ? uniform : storage) += 1;
-        }
-    }
-    const std::array<VkDescriptorPoolSize, 2> sizes = {
-        VkDescriptorPoolSize{VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, storage},
-        VkDescriptorPoolSize{VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER_DYNAMIC, uniform}};
-    VkDescriptorPoolCreateInfo pool_info{};
-    pool_info.sType = VK_STRUCTURE_TYPE_DESCRIPTOR_POOL_CREATE_INFO;
-    pool_info.maxSets = static_cast<uint32_t>(std::max<size_t>(wanted.size(), 1));
-    pool_info.poolSizeCount = static_cast<uint32_t>(sizes.size());
-    pool_info.pPoolSizes = sizes.data();
-    VkDescriptorPool pool = VK_NULL_HANDLE;
-    vk_check(vkCreateDescriptorPool(device_.handle(), &pool_info, nullptr, &pool),
-             "vkCreateDescriptorPool");
-    descriptor_pool_ = Handle<VkDescriptorPool>(pool, device_.handle(), vkDestroyDescriptorPool);
-
-    std::vector<VkDescriptorSet> made;
-    for (const Set& set : wanted) {
-        VkDescriptorSetAllocateInfo allocate{};
-        allocate.sType = VK_STRUCTURE_TYPE_DESCRIPTOR_SET_ALLOCATE_INFO;
-        allocate.descriptorPool = pool;
-        allocate.descriptorSetCount = 1;
-        const VkDescriptorSetLayout layout = set.kernel->set_layout();
-        allocate.pSetLayouts = &layout;
-        VkDescriptorSet handle = VK_NULL_HANDLE;
-        vk_check(vkAllocateDescriptorSets(device_.handle(), &allocate, &handle),
-                 "vkAllocateDescriptorSets");
-        std::vector<VkWriteDescriptorSet> writes;
-        for (uint32_t i = 0; i < set.buffers.size(); ++i) {
-            VkWriteDescriptorSet one{};
-            one.sType = VK_STRUCTURE_TYPE_WRITE_DESCRIPTOR_SET;
-            one.dstSet = handle;
-            one.dstBinding = i;
-            one.descriptorCount = 1;
-            one.descriptorType = set.kernel->reflection().bindings[i].uniform
-                                     ? VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER_DYNAMIC
-                                     : VK_DESCRIPTOR_TYPE_STORAGE_BUFFER;
-            one.pBufferInfo = &set.buffers[i];
-            writes.push_back(one);
-        }
-        vkUpdateDescriptorSets(device_.handle(), static_cast<uint32_t>(writes.size()),
-                               writes.data(), 0, nullptr);
-        made.push_back(handle);
-    }
-    sets_.assign(steps_.size(), VK_NULL_HANDLE);
-    for (size_t index = 0; index < steps_.size(); ++index) {
-        if (set_of_step[index] != SIZE_MAX) {
-            sets_[index] = made[set_of_step[index]];
-        }
-    }
-}
-
-void Program::record_step(VkCommandBuffer commands, size_t index) {
-    const Step& step = steps_[index];
-    if (step.clear) {
-        const Range target = range(step.dispatch.arguments.front());
-        vkCmdFillBuffer(commands, target.buffer, target.begin, target.end - target.begin, 0);
-        return;
-    }
-    const Dispatch& dispatch = step.dispatch;
-    vkCmdBindPipeline(commands, VK_PIPELINE_BIND_POINT_COMPUTE, dispatch.kernel->pipeline());
-    if (sets_[index] != VK_NULL_HANDLE) {
-        vkCmdBindDescriptorSets(commands, VK_PIPELINE_BIND_POINT_COMPUTE, dispatch.kernel->layout(),
-                                0, 1, &sets_[index], static_cast<uint32_t>(dynamic_[index].size()),
-                                dynamic_[index].data());
-    }
-    std::vector<std::byte> push = dispatch.push;
-    for (const auto& pointer : dispatch.pointers) {
-        const uint64_t target = address(pointer);
-        std::memcpy(push.data() + pointer.push_offset, &target, sizeof(target));
-    }
-    if (!push.empty()) {
-        vkCmdPushConstants(commands, dispatch.kernel->layout(), VK_SHADER_STAGE_COMPUTE_BIT, 0,
-                           static_cast<uint32_t>(push.size()), push.data());
-    }
-    vkCmdDispatch(commands, dispatch.groups[0], dispatch.groups[1], dispatch.groups[2]);
-}
-
-Program::Recording Program::record(VkQueryPool queries) {
-    VkCommandPoolCreateInfo pool_info{};
-    pool_info.sType = VK_STRUCTURE_TYPE_COMMAND_POOL_CREATE_INFO;
-    pool_info.queueFamilyIndex = device_.queue_family();
-    VkCommandPool pool = VK_NULL_HANDLE;
-    vk_check(vkCreateCommandPool(device_.handle(), &pool_info, nullptr, &pool),
-             "vkCreateCommandPool");
-    Recording recording;
-    recording.pool = Handle<VkCommandPool>(pool, device_.handle(), vkDestroyCommandPool);
-
-    VkCommandBuffer commands = VK_NULL_HANDLE;
-    double seconds = 0;
-    const auto begin = [&] {
-        VkCommandBufferAllocateInfo allocate{};
-        allocate.sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_ALLOCATE_INFO;
-        allocate.commandPool = pool;
-        allocate.commandBufferCount = 1;
-        vk_check(vkAllocateCommandBuffers(device_.handle(), &allocate, &commands),
-                 "vkAllocateCommandBuffers");
-        VkCommandBufferBeginInfo info{};
-        info.sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_BEGIN_INFO;
-        vk_check(vkBeginCommandBuffer(commands, &info), "vkBeginCommandBuffer");
-        recording.commands.push_back(commands);
-        seconds = 0;
-    };
-
-    begin();
-    if (queries != VK_NULL_HANDLE) {
-        vkCmdResetQueryPool(commands, queries, 0, static_cast<uint32_t>(steps_.size()) + 1);
-    }
-    // Bytes touched since the last barrier. A replay starts after the one before it has been waited for.
-    std::vector<Range> open;
-    for (const Slot& slot : slots_) {
-        if (slot.kind == Kind::input) {
-            const VkBufferCopy copy{slot.staging_offset, slot.offset, slot.bytes};
-            vkCmdCopyBuffer(commands, upload_.handle(), arena_.handle(), 1, &copy);
-            open.push_back(
-                {arena_.handle(), slot.offset, slot.offset + slot.bytes, Access::write});
-        }
-    }
-    if (queries != VK_NULL_HANDLE) {
-        vkCmdWriteTimestamp(commands, VK_PIPELINE_STAGE_BOTTOM_OF_PIPE_BIT, queries, 0);
-    }
-    barriers_ = 0;
-    for (size_t index = 0; index < steps_.size(); ++index) {
-        const auto touched = ranges(steps_[index]);
-        const bool conflict = std::ranges::any_of(touched, [&](const Range& mine) {
-            return std::ranges::any_of(open, [&](const Range& theirs) {
-                const bool overlap = mine.begin < theirs.end && theirs.begin < mine.end;
-                return overlap && (mine.access != Access::read || theirs.access != Access::read);
-            });
-        });
-        if (conflict) {
-            memory_barrier(commands);
-            ++barriers_;
-            open.clear();
-        }
-        open.insert(open.end(), touched.begin(), touched.end());
-        const double cost = estimated_seconds(steps_[index].dispatch, device_.info().is_cpu);
-        if (seconds > 0 && seconds + cost > kSubmissionSeconds) {
-            vk_check(vkEndCommandBuffer(commands), "vkEndCommandBuffer");
-            begin();
-        }
-        seconds += cost;
-        record_step(commands, index);
-        if (queries != VK_NULL_HANDLE) {
-            vkCmdWriteTimestamp(commands, VK_PIPELINE_STAGE_BOTTOM_OF_PIPE_BIT, queries,
-                                static_cast<uint32_t>(index) + 1);
-        }
-    }
-    memory_barrier(commands);
-    for (const Slot& slot : slots_) {
-        if (slot.kind == Kind::output) {
-            const VkBufferCopy copy{slot.offset, slot.staging_offset, slot.bytes};
-            vkCmdCopyBuffer(commands, arena_.handle(), readback_.handle(), 1, &copy);
-        }
-    }
-    host_barrier(commands);
-    vk_check(vkEndCommandBuffer(commands), "vkEndCommandBuffer");
-    return recording;
-}
-
 void Program::finish() {
     plan();
     make_descriptors();
@@ -383,37 +134,6 @@ void Program::write(const Tensor& input, std::span<const std::byte> data) {
                                           std::to_string(slot.bytes));
     }
     std::memcpy(upload_.mapped() + slot.staging_offset, data.data(), data.size());
-}
-
-void Program::run() { device_.submit(recording_.commands); }
-
-std::vector<DispatchTime> Program::profile() {
-    if (!device_.info().timestamps) {
-        throw Error(ExitCode::device, device_.info().name + " has no timestamps to profile with");
-    }
-    const auto count = static_cast<uint32_t>(steps_.size()) + 1;
-    VkQueryPoolCreateInfo info{};
-    info.sType = VK_STRUCTURE_TYPE_QUERY_POOL_CREATE_INFO;
-    info.queryType = VK_QUERY_TYPE_TIMESTAMP;
-    info.queryCount = count;
-    VkQueryPool pool = VK_NULL_HANDLE;
-    vk_check(vkCreateQueryPool(device_.handle(), &info, nullptr, &pool), "vkCreateQueryPool");
-    const Handle<VkQueryPool> queries(pool, device_.handle(), vkDestroyQueryPool);
-    const Recording timed = record(pool);
-    device_.submit(timed.commands);
-    std::vector<uint64_t> ticks(count);
-    vk_check(vkGetQueryPoolResults(device_.handle(), pool, 0, count, ticks.size() * 8, ticks.data(),
-                                   8, VK_QUERY_RESULT_64_BIT | VK_QUERY_RESULT_WAIT_BIT),
-             "vkGetQueryPoolResults");
-    std::vector<DispatchTime> times;
-    for (size_t i = 0; i < steps_.size(); ++i) {
-        const Dispatch& dispatch = steps_[i].dispatch;
-        times.push_back({dispatch.label,
-                         static_cast<double>(ticks[i + 1] - ticks[i]) *
-                             device_.info().timestamp_ns * 1e-6,
-                         dispatch.flops, dispatch.bytes});
-    }
-    return times;
 }
 
 std::span<const float> Program::read(const Tensor& output) const {

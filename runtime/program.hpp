@@ -110,6 +110,7 @@ public:
     [[nodiscard]] uint64_t arena_bytes() const { return arena_bytes_; }
     [[nodiscard]] size_t steps() const { return steps_.size(); }
     [[nodiscard]] size_t barriers() const { return barriers_; }
+    [[nodiscard]] size_t submissions() const { return recording_.commands.size(); }
 
 private:
     enum class Kind { input, output, temporary };

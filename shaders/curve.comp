@@ -3,7 +3,7 @@
 #extension GL_EXT_control_flow_attributes : require
 #include "tensor.glsl"
 
-// Intensity curve (equations 3 and 4): with derivatives y_i at keypoints t_i and fixed nodes x_k,
+// Intensity curve (equations 3, 6 and 7): with derivatives y_i at keypoints t_i and fixed nodes x_k,
 //     P(x_k) = sum_i y_i w_i prod_{j != i} (x_k - t_j),    w_i = 1 / prod_{j != i} (t_i - t_j)
 //     L(f)   = B + sum_k S(f, k) P(x_k)
 // Every difference is doubled: products of n - 1 of them stay near 1 for points spread over [-1, 1]

@@ -52,6 +52,8 @@ layout(push_constant) uniform Push {
 
 #include "edi_steps.glsl"
 
+const float AFTER = 2; // later than any frame
+
 void store(uint frame, uint y, uint x, float value, bool begun) {
     if (frame < first || frame - first >= limit) {
         return;
@@ -100,11 +102,13 @@ void main() {
         const float base = ln_blurry - log(0.5 * integral.sum);
         state = ivec2(0);
         uint event = begin;
+        float next = event < end ? event_times[event] : AFTER;
         for (uint k = 0; k < count; ++k) {
             const float time = uintBitsToFloat(schedule[k]);
-            while (event < end && event_times[event] <= time) {
+            while (next <= time) {
                 state = next_state(state, marks[event]);
                 ++event;
+                next = event < end ? event_times[event] : AFTER;
             }
             store(schedule[count + k], y, x, base + exponent(state - integral.peak), part > 0);
         }

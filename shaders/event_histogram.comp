@@ -30,6 +30,15 @@ layout(push_constant) uniform Push {
 
 uint ordinal(uint mark) { return mark & 0x7FFFFFFFu; }
 
+// The mark of an event, or one behind every interval after the last event.
+uint mark_of(uint event, uint end) {
+    uint mark = 0xFFFFFFFFu;
+    if (event < end) {
+        mark = marks[event];
+    }
+    return mark;
+}
+
 void main() {
     const uint x = gl_GlobalInvocationID.x;
     const uint y = gl_WorkGroupID.y;
@@ -39,20 +48,20 @@ void main() {
     const uint pixel = y * width + x;
     uint cursor = offsets[pixel];
     const uint end = offsets[pixel + 1];
+    uint mark = mark_of(cursor, end);
     for (uint i = 0; i < count; ++i) {
         const uvec2 interval = intervals[first + i];
-        while (cursor < end && ordinal(marks[cursor]) < interval.x) {
+        while (ordinal(mark) < interval.x) {
             ++cursor;
+            mark = mark_of(cursor, end);
         }
         uint total = 0;
         uint positive = 0;
-        for (uint event = cursor; event < end; ++event) {
-            const uint mark = marks[event];
-            if (ordinal(mark) >= interval.y) {
-                break;
-            }
+        // The cursor stays: the next interval may begin inside this one.
+        for (uint counted = mark; ordinal(counted) < interval.y;
+             counted = mark_of(cursor + total, end)) {
             ++total;
-            positive += mark >> 31;
+            positive += counted >> 31;
         }
         counts[element(counts_layout, 2 * i, y, x)] = float(positive);
         counts[element(counts_layout, 2 * i + 1, y, x)] = float(total - positive);

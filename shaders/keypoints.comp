@@ -12,7 +12,7 @@
 // ticks      [events]: microseconds, ascending within a pixel
 // rule       scale, origin, bias, span (KeypointRule in layers/keypoints.hpp)
 // keypoints  any layout, channels first ... first + n - 1, and zeros up to `filled`
-// Precondition: a_e < 2^32 and cell_e < n; width <= 64 x groups.x, height = groups.y.
+// Precondition: 2 n span < 2^32 and cell_e < n; width <= 64 x groups.x, height = groups.y.
 // Tile: one pixel an invocation, 64 x 1 pixels a workgroup.
 layout(local_size_x = 64) in;
 
@@ -37,6 +37,17 @@ layout(push_constant) uniform Push {
     float pivots[20];
 };
 
+const uint NONE = 0xFFFFFFFFu;
+
+// a_e, or NONE (beyond every cell) behind the last event.
+uint place_of(uint event, uint end) {
+    uint place = NONE;
+    if (event < end) {
+        place = scale * (ticks[event] - origin) + bias;
+    }
+    return place;
+}
+
 void main() {
     const uint x = gl_GlobalInvocationID.x;
     const uint y = gl_WorkGroupID.y;
@@ -46,21 +57,21 @@ void main() {
     const uint pixel = y * width + x;
     uint event = offsets[pixel];
     const uint end = offsets[pixel + 1];
+    uint place = place_of(event, end);
     for (uint k = 0; k < n; ++k) {
-        const uint cell_start = 2 * k * span;
+        const uint pivot = (2 * k + 1) * span;
+        const uint cell_end = pivot + span;
         float keypoint = pivots[k];
-        uint nearest = 2 * span; // further than any event of the cell
-        for (; event < end; ++event) {
-            // Earlier cells have taken all events before cell_start.
-            const uint place = scale * (ticks[event] - origin) + bias - cell_start;
-            if (place >= 2 * span) {
-                break;
-            }
-            const uint distance = place > span ? place - span : span - place;
+        uint nearest = NONE;
+        // Earlier cells have taken all events before this one's start.
+        while (place < cell_end) {
+            const uint distance = max(place, pivot) - min(place, pivot);
             if (distance < nearest) {
                 nearest = distance;
                 keypoint = times[event];
             }
+            ++event;
+            place = place_of(event, end);
         }
         keypoints[element(keypoints_layout, first + k, y, x)] = keypoint;
     }

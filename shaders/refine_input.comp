@@ -3,7 +3,7 @@
 #extension GL_EXT_control_flow_attributes : require
 #include "tensor.glsl"
 
-// Input of the residual network of interval i (algorithm 1, line 3 to 6), by channel:
+// Input of the residual network of interval i (algorithm 1, lines 5 and 8), by channel:
 //     L_i, L_{i+1}, dx L_i, dy L_i, dx L_{i+1}, dy L_{i+1}, positive events, other events, R_{i-1} (i > 0)
 //     dx L(y, x) = L(y, x - 1) - L(y, x), 0 for x = 0;   dy L(y, x) = L(y - 1, x) - L(y, x), 0 for y = 0
 //

@@ -3,7 +3,7 @@
 #extension GL_EXT_control_flow_attributes : require
 #include "tensor.glsl"
 
-// One gradient step on equation 8 with lambda = 1 (algorithm 1, line 9 to 11), i = first + z:
+// One gradient step on equation 8 with lambda = 1 (algorithm 1, lines 13 to 15), i = first + z:
 //     alpha_i = 0.1 max(0, sum_{dy, dx} a(dy, dx) L_i(y + dy, x + dx) + bias), L_i = 0 outside the image
 //     D_i     = 2 (L_i - L0_i) - 2 (L_{i-1} + R_{i-1} - L_i) [i > 0] + 2 (L_i + R_i - L_{i+1}) [i < last]
 //     L_i    <- L_i - alpha_i D_i

@@ -12,7 +12,7 @@ namespace ecir::reference {
 /// exposure.
 std::vector<float> spread_keypoints(std::span<const float> keypoints);
 
-/// L(t) of equations 3 and 4 at one pixel: the polynomial through (keypoints, derivatives)
+/// L(t) of equations 3, 6 and 7 at one pixel: the polynomial through (keypoints, derivatives)
 /// integrated by Gauss-Legendre quadrature, in double. The keypoints must differ.
 double curve(std::span<const float> keypoints, std::span<const float> derivatives, double blurry,
              double t);

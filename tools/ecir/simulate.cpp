@@ -39,6 +39,7 @@ struct Options {
     int frames = 14;
     double fps = 0;
     int bits = 8;
+    std::string path = "linear"; ///< a key of `paths`
     sim::Motion motion;
     std::vector<double> thresholds{0.18};
     sim::CameraModel camera;
@@ -64,6 +65,7 @@ void settle(Options& options) {
     if (options.exposure_us > (latest - options.start_us) / options.count) {
         refuse("--start, --exposure-us and --count lead past the end of the events' clock");
     }
+    options.motion.path = paths.at(options.path);
     options.camera.positive = options.thresholds.front();
     options.camera.negative = options.thresholds.back();
     options.camera.seed = options.motion.seed = options.seed;
@@ -147,10 +149,7 @@ void describe(const Options& options, bool still, nlohmann::ordered_json& record
     record["bits"] = options.bits;
     record["seed"] = options.seed;
     if (still) {
-        const auto path = std::find_if(paths.begin(), paths.end(), [&](const auto& entry) {
-            return entry.second == options.motion.path;
-        });
-        record["motion"] = {{"path", path->first},
+        record["motion"] = {{"path", options.path},
                             {"travel_px", options.motion.travel_px},
                             {"angle_deg", options.motion.angle_deg},
                             {"rotate_deg", options.motion.rotate_deg},
@@ -248,11 +247,10 @@ void add_scene_options(CLI::App& command, Options& options) {
 void add_motion_options(CLI::App& command, Options& options) {
     std::vector<CLI::Option*> all;
     all.push_back(command
-                      .add_option("--motion", options.motion.path,
+                      .add_option("--motion", options.path,
                                   "Of a still: linear, reverse (turns back once an exposure) or "
                                   "shake (a hand's, random by the seed)")
-                      ->transform(CLI::CheckedTransformer(paths).description(""))
-                      ->default_str("linear"));
+                      ->check(CLI::IsMember({"linear", "reverse", "shake"})));
     all.push_back(command.add_option("--travel", options.motion.travel_px,
                                      "Length of the way in an exposure, pixels"));
     all.push_back(command.add_option("--angle", options.motion.angle_deg,

@@ -1,0 +1,205 @@
+#include <doctest/doctest.h>
+
+#include <algorithm>
+
+#include "layers/operations.hpp"
+#include "runtime/arena.hpp"
+#include "runtime/error.hpp"
+#include "runtime/program.hpp"
+
+// The runtime by itself: memory planning, barriers, reflection, devices.
+namespace {
+
+using namespace ecir;
+
+/// tap_sum with one tap copies a plane, which is all that these tests need of a kernel.
+void add_copy(Program& program, const Tensor& from, const Tensor& to, double flops = 0) {
+    struct Push {
+        PushLayout from;
+        PushLayout to;
+        uint32_t height;
+        uint32_t width;
+        uint32_t kernel;
+    };
+    const Layout& size = to.layout();
+    Dispatch dispatch;
+    dispatch.kernel = &program.device().kernel("tap_sum", {}, 2, sizeof(Push));
+    dispatch.arguments = {read(from), write(to)};
+    dispatch.set_push(Push{PushLayout(from), PushLayout(to), size.height, size.width, 1});
+    dispatch.groups = {(size.width + 63) / 64, size.height, 1};
+    dispatch.flops = flops;
+    dispatch.label = "copy";
+    program.add(std::move(dispatch));
+}
+
+ExitCode code_of(const auto& action) {
+    try {
+        action();
+    } catch (const Error& error) {
+        return error.code();
+    }
+    return ExitCode::ok;
+}
+
+} // namespace
+
+TEST_SUITE("runtime") {
+    TEST_CASE("blocks that live at the same time never overlap, others share memory") {
+        CaseRandom random(7);
+        for (int round = 0; round < 50; ++round) {
+            std::vector<Lifetime> blocks;
+            uint64_t sum = 0;
+            for (int i = 0; i < 40; ++i) {
+                const uint32_t first = random.integer(0, 60);
+                blocks.push_back({random.integer(1, 5000), first, first + random.integer(0, 9)});
+                sum += blocks.back().bytes;
+            }
+            const ArenaPlan plan = plan_arena(blocks, 256);
+            for (size_t a = 0; a < blocks.size(); ++a) {
+                CHECK(plan.offsets[a] % 256 == 0);
+                CHECK(plan.offsets[a] + blocks[a].bytes <= plan.bytes);
+                for (size_t b = 0; b < a; ++b) {
+                    const bool together =
+                        blocks[a].first <= blocks[b].last && blocks[b].first <= blocks[a].last;
+                    const bool apart = plan.offsets[a] + blocks[a].bytes <= plan.offsets[b] ||
+                                       plan.offsets[b] + blocks[b].bytes <= plan.offsets[a];
+                    CHECK((!together || apart));
+                }
+            }
+            CHECK(plan.bytes < sum);
+        }
+    }
+
+    TEST_CASE("a chain of temporaries needs two of them, and a barrier a step") {
+        const auto device = Device::open();
+        Program program(*device);
+        const Layout plane{1, 256, 256};
+        const Tensor in = program.input(plane);
+        Tensor last = in;
+        constexpr int kSteps = 10;
+        for (int i = 0; i < kSteps; ++i) {
+            const Tensor next = i + 1 < kSteps ? program.temporary(plane) : program.output(plane);
+            add_copy(program, last, next);
+            last = next;
+        }
+        program.finish();
+        const std::vector<float> values = CaseRandom(1).values(256 * 256, -1, 1);
+        program.write(in, values);
+        program.run();
+        CHECK(std::ranges::equal(program.read(last), values));
+        CHECK(program.barriers() == kSteps);
+        CHECK(program.arena_bytes() < 3 * plane.elements() * 4);
+    }
+
+    TEST_CASE("steps that touch different bytes need no barrier between them") {
+        const auto device = Device::open();
+        Program program(*device);
+        const Layout planes{8, 16, 64};
+        const Tensor in = program.input(planes);
+        const Tensor out = program.output(planes);
+        for (uint32_t c = 0; c < 8; ++c) {
+            add_copy(program, in.channels(c, 1), out.channels(c, 1));
+        }
+        program.finish();
+        const std::vector<float> values = CaseRandom(2).values(8 * 16 * 64, -1, 1);
+        program.write(in, values);
+        program.run();
+        CHECK(std::ranges::equal(program.read(out), values));
+        CHECK(program.barriers() == 1); // the upload before the first
+    }
+
+    TEST_CASE("views of channels at offsets that no device binds") {
+        const auto device = Device::open();
+        Program program(*device);
+        const Layout odd{5, 3, 7}; // 84 bytes a plane
+        const Tensor in = program.input(odd);
+        const Tensor out = program.output(odd);
+        for (uint32_t c = 0; c < 5; ++c) {
+            add_copy(program, in.channels(4 - c, 1), out.channels(c, 1));
+        }
+        program.finish();
+        const std::vector<float> values = CaseRandom(3).values(5 * 21, -1, 1);
+        program.write(in, values);
+        program.run();
+        for (size_t c = 0; c < 5; ++c) {
+            CHECK(std::ranges::equal(program.read(out).subspan(c * 21, 21),
+                                     std::span(values).subspan((4 - c) * 21, 21)));
+        }
+    }
+
+    TEST_CASE("inputs keep their content from run to run") {
+        const auto device = Device::open();
+        Program program(*device);
+        const Layout plane{1, 4, 4};
+        const Tensor in = program.input(plane);
+        const Tensor between = program.temporary(plane);
+        const Tensor out = program.output(plane);
+        add_copy(program, in, between);
+        add_copy(program, between, out);
+        program.finish();
+        const std::vector<float> values = CaseRandom(4).values(16, -1, 1);
+        program.write(in, values);
+        for (int run = 0; run < 3; ++run) {
+            program.run();
+            CHECK(std::ranges::equal(program.read(out), values));
+        }
+    }
+
+    TEST_CASE("long work goes in several submissions and still adds up") {
+        const auto device = Device::open();
+        Program program(*device);
+        const Layout plane{1, 8, 8};
+        const Tensor in = program.input(plane);
+        Tensor last = in;
+        for (int i = 0; i < 6; ++i) {
+            const Tensor next = i < 5 ? program.temporary(plane) : program.output(plane);
+            add_copy(program, last, next, 1e12); // as if each were long
+            last = next;
+        }
+        program.finish();
+        CHECK(program.submissions() == 6);
+        const std::vector<float> values = CaseRandom(5).values(64, -1, 1);
+        program.write(in, values);
+        program.run();
+        CHECK(std::ranges::equal(program.read(last), values));
+        const auto times = program.profile();
+        CHECK(times.size() == 6);
+        CHECK(std::ranges::all_of(times, [](const DispatchTime& t) { return t.ms >= 0; }));
+    }
+
+    TEST_CASE("more memory than the device has is refused with both figures before anything runs") {
+        const auto device = Device::open();
+        Program program(*device);
+        const auto rows = static_cast<uint32_t>(device->info().heap_bytes / (4 * 4096) + 1);
+        const Tensor huge = program.output({1, rows, 4096});
+        program.clear(huge);
+        try {
+            program.finish();
+            FAIL("no error");
+        } catch (const Error& error) {
+            CHECK(error.code() == ExitCode::resources);
+            const std::string message = error.what();
+            CHECK(message.find(std::to_string((device->info().heap_bytes >> 20))) != std::string::npos);
+        }
+    }
+
+    TEST_CASE("a kernel is checked against its shader when it is made") {
+        const auto device = Device::open();
+        CHECK(code_of([&] { device->kernel("tap_sum", {}, 3, 44); }) == ExitCode::device);
+        CHECK(code_of([&] { device->kernel("tap_sum", {}, 2, 48); }) == ExitCode::device);
+        CHECK(code_of([&] { device->kernel("no_such_shader", {}, 2, 48); }) == ExitCode::device);
+        CHECK(code_of([&] { device->kernel("tap_sum", {}, 2, 44); }) == ExitCode::ok);
+    }
+
+    TEST_CASE("devices are chosen by index and by a part of the name") {
+        const auto devices = Device::list();
+        REQUIRE(!devices.empty());
+        CHECK(std::ranges::count_if(devices, &DeviceInfo::is_default) == 1);
+        for (const DeviceInfo& info : devices) {
+            CHECK(Device::open(std::to_string(info.index))->info().index == info.index);
+        }
+        CHECK(Device::open(devices.front().name.substr(0, 4))->info().index == 0);
+        CHECK(code_of([] { Device::open("no such device"); }) == ExitCode::device);
+        CHECK(code_of([] { Device::open("99"); }) == ExitCode::device);
+    }
+}
