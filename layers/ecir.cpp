@@ -68,7 +68,8 @@ void EcirMethod::build(uint32_t frames, uint32_t capacity) {
     const Tensor histogram =
         program.temporary({config_.bins, height_, width_, block, UNet::kInputHalo});
     program.clear(histogram);
-    record_event_histogram(program, events_.offset, events_.mark, input_intervals_, histogram);
+    record_event_histogram(program, events_.offset, events_.mark, events_.positives,
+                           input_intervals_, histogram);
 
     const Tensor keypoints = program.temporary({n, height_, width_, block, UNet::kInputHalo});
     program.clear(keypoints);
@@ -87,7 +88,8 @@ void EcirMethod::build(uint32_t frames, uint32_t capacity) {
         Tensor counts;
         if (frames > 1) {
             counts = program.temporary({2 * (frames - 1), height_, width_});
-            record_event_histogram(program, events_.offset, events_.mark, frame_intervals_, counts);
+            record_event_histogram(program, events_.offset, events_.mark, events_.positives,
+                                   frame_intervals_, counts);
         }
         refinement_.record(program, initial, counts, output_, iterations_);
     }

@@ -25,7 +25,7 @@ constexpr Point prior_error{0.4, 0.12};
 constexpr double fit_error = 0.015;
 
 /// The events' own noise makes thresholds slightly below the true ones give the smallest error.
-constexpr double noise_shrinkage = 0.04;
+constexpr double noise_shrinkage = 0.02;
 
 EdiThresholds thresholds_at(const Point& point) {
     return {static_cast<float>(std::exp(point.size + point.ratio / 2)),

@@ -85,6 +85,10 @@ PackedEvents pack_events(const EventView& events, const Exposure& exposure, uint
         packed.mark[place] = (events.p[i] != 0 ? uint32_t{1} << 31 : 0U) | static_cast<uint32_t>(i);
         packed.tick[place] = static_cast<int32_t>(events.t[i] - exposure.start);
     }
+    packed.positives.resize(count + 1);
+    for (size_t place = 0; place < count; ++place) {
+        packed.positives[place + 1] = packed.positives[place] + (packed.mark[place] >> 31);
+    }
     return packed;
 }
 

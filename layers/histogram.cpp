@@ -90,7 +90,7 @@ std::vector<IntervalRange> release_intervals(const EventView& events, const Expo
 }
 
 void record_event_histogram(Program& program, const Tensor& offsets, const Tensor& marks,
-                            const Tensor& intervals, const Tensor& counts) {
+                            const Tensor& positives, const Tensor& intervals, const Tensor& counts) {
     const Layout& layout = counts.layout();
     const uint32_t pixels = layout.width * layout.height;
     if (intervals.layout().width != layout.channels || layout.channels % 2 != 0 ||
@@ -101,13 +101,13 @@ void record_event_histogram(Program& program, const Tensor& offsets, const Tenso
                         std::to_string(intervals.layout().width) + " interval bounds and " +
                         std::to_string(offsets.layout().width) + " pixel offsets");
     }
-    const Kernel& kernel = program.device().kernel("event_histogram", {}, 4, sizeof(Push));
+    const Kernel& kernel = program.device().kernel("event_histogram", {}, 5, sizeof(Push));
     const uint32_t step = std::lcm(2U, layout.block);
     for (const auto& [first, count] : channel_groups(program.device().info(), layout, step)) {
         const Tensor view = counts.channels(first, count);
         Dispatch dispatch;
         dispatch.kernel = &kernel;
-        dispatch.arguments = {read(offsets), read(marks), read(intervals), write(view)};
+        dispatch.arguments = {read(offsets), read(marks), read(positives), read(intervals), write(view)};
         dispatch.set_push(Push{PushLayout(view), layout.width, layout.height, first / 2, count / 2,
                                padded_channels(view.layout())});
         dispatch.groups = pixel_groups(layout);

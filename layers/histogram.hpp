@@ -44,11 +44,12 @@ std::vector<IntervalRange> release_intervals(const EventView& events, const Expo
 /// Records the count.
 /// offsets    input [1][1][height * width + 1], PackedEvents::offset
 /// marks      input [1][1][capacity], PackedEvents::mark; capacity >= the frame's number of events
+/// positives  input [1][1][capacity + 1], PackedEvents::positives
 /// intervals  input [1][1][2 * count], IntervalRange, `begin` never going back
 /// counts     output of 2 * count channels in any layout; all of it but the halo is written, with
 ///            zeros in the channels that fill up the last block
 /// Throws Error(resources) when two channels of `counts` exceed what the device can bind.
 void record_event_histogram(Program& program, const Tensor& offsets, const Tensor& marks,
-                            const Tensor& intervals, const Tensor& counts);
+                            const Tensor& positives, const Tensor& intervals, const Tensor& counts);
 
 } // namespace ecir

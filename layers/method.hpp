@@ -34,19 +34,21 @@ struct EventTensors {
     Tensor time;
     Tensor mark;
     Tensor tick;
+    Tensor positives;
     uint32_t capacity = 0;
 
     EventTensors() = default;
     EventTensors(Program& program, uint32_t height, uint32_t width, uint32_t events)
         : offset(program.input({1, 1, height * width + 1})), time(program.input({1, 1, events})),
           mark(program.input({1, 1, events})), tick(program.input({1, 1, events})),
-          capacity(events) {}
+          positives(program.input({1, 1, events + 1})), capacity(events) {}
 
     void write(Program& program, const PackedEvents& events) const {
         program.write(offset, events.offset);
         program.write(time, events.time);
         program.write(mark, events.mark);
         program.write(tick, events.tick);
+        program.write(positives, events.positives);
     }
 
     /// A capacity for `events` that grows in powers of two, so that programs are rarely made anew.

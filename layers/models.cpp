@@ -37,7 +37,7 @@ fs::path find_model(const std::string& name) {
         if (fs::is_regular_file(file, error)) {
             return file;
         }
-        places += "\n  " + folder.string();
+        places += (places.empty() ? " " : ", ") + folder.string();
         for (const auto& entry : fs::directory_iterator(folder, error)) {
             if (entry.path().extension() == kExtension) {
                 known.push_back(entry.path().stem().string());
@@ -50,7 +50,7 @@ fs::path find_model(const std::string& name) {
     for (const std::string& other : known) {
         message += ", " + other;
     }
-    throw Error(ExitCode::bad_input, message + " (or the path of a .safetensors file). Looked in:" + places);
+    throw Error(ExitCode::bad_input, message + " (or give the path of a .safetensors file); looked in" + places);
 }
 
 } // namespace ecir

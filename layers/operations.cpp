@@ -7,6 +7,7 @@
 
 #include "layers/reference/conv.hpp"
 #include "layers/reference/curve.hpp"
+#include "layers/reference/edi.hpp"
 #include "layers/reference/histogram.hpp"
 #include "layers/reference/keypoints.hpp"
 #include "layers/reference/refine.hpp"
@@ -23,6 +24,8 @@ constexpr std::array kOperations = {
     Operation{"curve", 1e-5, "float32 products of up to 20 differences", 12, curve_trial},
     Operation{"refine_input", 1e-6, "one float32 difference", 8, refine_input_trial},
     Operation{"refine_update", 1e-5, "float32 sums of 9 products", 8, refine_update_trial},
+    Operation{"edi", 1e-5, "float32 sums of exponentials, one an event", 10, edi_trial},
+    Operation{"edi_moments", 1e-4, "float32 differences of logarithms", 4, edi_moments_trial},
 };
 
 } // namespace

@@ -4,11 +4,11 @@
 // ln(L + e) at ascending times and b is the smoothed ln(B + e). For window k, with the brightness
 // change D = X_{k+1} - X_k, the gradient G = (grad X_k + grad X_{k+1}) / 2 and one motion v a tile,
 //     v = -(sum G G^T + RIDGE c+ c- I)^-1 sum G D    (least squares on D + v . G = 0)
-// the sums over the tile's pixels are
-//     moments(0) = sum (v . grad b) (D + v . G)      what the blurry frame explains of the rest
-//     moments(1) = sum (v . grad b)^2
-//     moments(2) = sum (D + v . G)                   drift
-//     moments(3) = sum |D|
+// and the share r of sum D^2 that it explains (0 to 1), the sums over the tile's pixels are
+//     moments(0) = r sum (v . grad b) (D + v . G)      the blurry frame in the rest
+//     moments(1) = r sum (v . grad b)^2
+//     moments(2) = r sum (D + v . G)                   drift
+//     moments(3) = r sum |D|
 // Derivatives are central differences over five pixels; every second pixel in x and y counts.
 //
 // frames      [windows + 2][height][width]: X_0 ... X_windows, b
@@ -66,6 +66,7 @@ void main() {
     vec3 bg = vec3(0); // bx Gx, bx Gy + by Gx, by Gy
     vec2 g = vec2(0);
     float d = 0;
+    float dd = 0;
     float size = 0;
     for (uint y = top; y < bottom; y += STEP) {
         for (uint x = left; x < right; x += STEP) {
@@ -81,6 +82,7 @@ void main() {
                        still.y * slope.y);
             g += slope;
             d += change;
+            dd += change * change;
             size += abs(change);
         }
     }
@@ -89,12 +91,13 @@ void main() {
     gg.z += ridge;
     const vec2 v = -vec2(gg.z * gd.x - gg.y * gd.y, gg.x * gd.y - gg.y * gd.x) /
                    (gg.x * gg.z - gg.y * gg.y);
+    const float r = dd > 0 ? clamp(-dot(v, gd) / dd, 0.0, 1.0) : 0.0;
     const vec3 vv = vec3(v.x * v.x, v.x * v.y, v.y * v.y);
 
     const uint at = moments_origin + window * tiles + tile;
     const uint step = windows * tiles;
-    moments[at] = dot(v, bd) + dot(vv, bg);
-    moments[at + step] = vv.x * bb.x + 2 * vv.y * bb.y + vv.z * bb.z;
-    moments[at + 2 * step] = d + dot(v, g);
-    moments[at + 3 * step] = size;
+    moments[at] = r * (dot(v, bd) + dot(vv, bg));
+    moments[at + step] = r * (vv.x * bb.x + 2 * vv.y * bb.y + vv.z * bb.z);
+    moments[at + 2 * step] = r * (d + dot(v, g));
+    moments[at + 3 * step] = r * size;
 }

@@ -8,6 +8,7 @@
 //
 // offsets    [height * width + 1]: events of pixel p are offsets[p] ... offsets[p + 1] - 1
 // marks      [events]: polarity << 31 | ordinal, ordinals ascend within a pixel
+// positives  [events + 1]: positive events before each
 // intervals  [intervals]: ordinals begin <= o < end; `begin` never goes back, ranges may overlap
 // counts     any layout, `channels` channels of which those from 2 count on become 0
 // Precondition: width <= 64 x groups.x, height = groups.y.
@@ -16,8 +17,9 @@ layout(local_size_x = 64) in;
 
 layout(std430, binding = 0) readonly buffer Offsets { uint offsets[]; };
 layout(std430, binding = 1) readonly buffer Marks { uint marks[]; };
-layout(std430, binding = 2) readonly buffer Intervals { uvec2 intervals[]; };
-layout(std430, binding = 3) writeonly buffer Counts { float counts[]; };
+layout(std430, binding = 2) readonly buffer Positives { uint positives[]; };
+layout(std430, binding = 3) readonly buffer Intervals { uvec2 intervals[]; };
+layout(std430, binding = 4) writeonly buffer Counts { float counts[]; };
 
 layout(push_constant) uniform Push {
     TensorLayout counts_layout;
@@ -28,15 +30,18 @@ layout(push_constant) uniform Push {
     uint channels; // of `counts`, the filled-up last block included
 };
 
-uint ordinal(uint mark) { return mark & 0x7FFFFFFFu; }
-
-// The mark of an event, or one behind every interval after the last event.
-uint mark_of(uint event, uint end) {
-    uint mark = 0xFFFFFFFFu;
-    if (event < end) {
-        mark = marks[event];
+// The first of the events begin, ..., end - 1 whose ordinal is not below `bound`, or end. By bisection:
+// lavapipe ends a shader's loops after 65535 iterations, and a million events may share a pixel.
+uint first_from(uint begin, uint end, uint bound) {
+    while (begin < end) {
+        const uint middle = begin + (end - begin) / 2;
+        if ((marks[middle] & 0x7FFFFFFFu) < bound) {
+            begin = middle + 1;
+        } else {
+            end = middle;
+        }
     }
-    return mark;
+    return begin;
 }
 
 void main() {
@@ -46,25 +51,18 @@ void main() {
         return;
     }
     const uint pixel = y * width + x;
-    uint cursor = offsets[pixel];
+    uint begin = offsets[pixel];
     const uint end = offsets[pixel + 1];
-    uint mark = mark_of(cursor, end);
     for (uint i = 0; i < count; ++i) {
         const uvec2 interval = intervals[first + i];
-        while (ordinal(mark) < interval.x) {
-            ++cursor;
-            mark = mark_of(cursor, end);
-        }
-        uint total = 0;
+        begin = first_from(begin, end, interval.x);
+        const uint after = first_from(begin, end, interval.y);
         uint positive = 0;
-        // The cursor stays: the next interval may begin inside this one.
-        for (uint counted = mark; ordinal(counted) < interval.y;
-             counted = mark_of(cursor + total, end)) {
-            ++total;
-            positive += counted >> 31;
+        if (after > begin) {
+            positive = positives[after] - positives[begin];
         }
         counts[element(counts_layout, 2 * i, y, x)] = float(positive);
-        counts[element(counts_layout, 2 * i + 1, y, x)] = float(total - positive);
+        counts[element(counts_layout, 2 * i + 1, y, x)] = float(after - begin - positive);
     }
     for (uint c = 2 * count; c < channels; ++c) {
         counts[element(counts_layout, c, y, x)] = 0;

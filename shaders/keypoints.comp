@@ -37,15 +37,20 @@ layout(push_constant) uniform Push {
     float pivots[20];
 };
 
-const uint NONE = 0xFFFFFFFFu;
+uint place_of(uint event) { return scale * (ticks[event] - origin) + bias; }
 
-// a_e, or NONE (beyond every cell) behind the last event.
-uint place_of(uint event, uint end) {
-    uint place = NONE;
-    if (event < end) {
-        place = scale * (ticks[event] - origin) + bias;
+// The first of the events begin, ..., end - 1 whose place is not below `bound`, or end. By bisection, as in
+// event_histogram.comp.
+uint first_from(uint begin, uint end, uint bound) {
+    while (begin < end) {
+        const uint middle = begin + (end - begin) / 2;
+        if (place_of(middle) < bound) {
+            begin = middle + 1;
+        } else {
+            end = middle;
+        }
     }
-    return place;
+    return begin;
 }
 
 void main() {
@@ -55,23 +60,25 @@ void main() {
         return;
     }
     const uint pixel = y * width + x;
-    uint event = offsets[pixel];
+    uint begin = offsets[pixel]; // of the cell: earlier cells have taken all events before
     const uint end = offsets[pixel + 1];
-    uint place = place_of(event, end);
     for (uint k = 0; k < n; ++k) {
         const uint pivot = (2 * k + 1) * span;
         const uint cell_end = pivot + span;
+        const uint at = first_from(begin, end, pivot); // the nearest is this one or the one before
         float keypoint = pivots[k];
-        uint nearest = NONE;
-        // Earlier cells have taken all events before this one's start.
-        while (place < cell_end) {
-            const uint distance = max(place, pivot) - min(place, pivot);
-            if (distance < nearest) {
-                nearest = distance;
-                keypoint = times[event];
+        uint nearest = 0xFFFFFFFFu;
+        if (at > begin) {
+            nearest = pivot - place_of(at - 1);
+            keypoint = times[at - 1];
+        }
+        begin = at;
+        if (at < end) {
+            const uint place = place_of(at);
+            if (place < cell_end && place - pivot < nearest) {
+                keypoint = times[at];
             }
-            ++event;
-            place = place_of(event, end);
+            begin = first_from(at, end, cell_end);
         }
         keypoints[element(keypoints_layout, first + k, y, x)] = keypoint;
     }

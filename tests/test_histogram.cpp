@@ -28,12 +28,14 @@ std::vector<float> count(Device& device, const EventView& events,
     Program program(device);
     const Tensor offsets = program.input(line(packed.offset.size()));
     const Tensor marks = program.input(line(packed.size() + 1));
+    const Tensor positives = program.input(line(packed.size() + 1));
     const Tensor intervals = program.input(line(2 * ranges.size()));
     const Tensor counts = program.output(layout);
-    record_event_histogram(program, offsets, marks, intervals, counts);
+    record_event_histogram(program, offsets, marks, positives, intervals, counts);
     program.finish();
     program.write(offsets, packed.offset);
     program.write(marks, packed.mark);
+    program.write(positives, packed.positives);
     program.write(intervals, std::as_bytes(std::span(ranges)));
     program.run();
     return to_dense(layout, program.read(counts));
@@ -107,6 +109,18 @@ TEST_SUITE("histogram") {
         CHECK_THROWS_AS(release_intervals(events.view(), exposure, nan), Error);
     }
 
+    TEST_CASE("a million events of one pixel are all counted") {
+        const auto device = Device::open();
+        Events events;
+        constexpr uint32_t kEvents = 1'000'000;
+        for (uint32_t i = 0; i < kEvents; ++i) {
+            events.push_back(static_cast<int64_t>(i) * 120000 / kEvents, 1, 0, i % 4 == 0 ? 1 : 0);
+        }
+        const auto ranges = paper_intervals(events.view(), exposure, even_edges(2));
+        const auto counts = count(*device, events.view(), ranges, {4, 1, 3});
+        CHECK(counts == std::vector<float>{0, 125'000, 0, 0, 375'000, 0, 0, 125'000, 0, 0, 375'000, 0});
+    }
+
     TEST_CASE("channels that fill up the last block become zero") {
         const auto device = Device::open();
         const Layout layout{6, 5, 9, 8, 1, 0};
@@ -122,7 +136,7 @@ TEST_SUITE("histogram") {
         program.clear(counts);
         // Eight keypoint channels put something other than zeros everywhere first.
         record_keypoints(program, offsets, empty, empty, rule, counts, 0, 8);
-        record_event_histogram(program, offsets, empty, intervals, counts.channels(0, 6));
+        record_event_histogram(program, offsets, empty, empty, intervals, counts.channels(0, 6));
         program.finish();
         program.write(offsets, none.offset);
         program.write(intervals, std::vector<uint32_t>(6, 0));

@@ -87,6 +87,17 @@ TEST_SUITE("keypoints") {
         CHECK(of_times(*device, {5, 5}, 3, true) == std::vector<float>{-1, 0, 1});
     }
 
+    TEST_CASE("a million events of one pixel are all looked at") {
+        const auto device = Device::open();
+        Events events;
+        constexpr int64_t kEvents = 1'000'000;
+        for (int64_t i = 0; i < kEvents; ++i) { // evenly, but for the last microseconds
+            events.push_back(i * 11 / kEvents, 0, 0, 1);
+        }
+        const auto found = select(*device, events.view(), {0, 12}, 3, false, 1, 1);
+        CHECK(found == std::vector<float>{-1, 0, 4.0F / 6});
+    }
+
     TEST_CASE("keypoints ascend, one to a cell") {
         const auto device = Device::open();
         CaseRandom random(3);

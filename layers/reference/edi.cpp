@@ -87,16 +87,18 @@ std::array<double, 4> tile_moments(const Frames& x, size_t window, size_t top, s
                                x.at(window + 1, row, column) - x.at(window, row, column)});
         }
     }
-    double xx = ridge, xy = 0, yy = ridge, xd = 0, yd = 0;
+    double xx = ridge, xy = 0, yy = ridge, xd = 0, yd = 0, dd = 0;
     for (const Sample& s : samples) {
         xx += s.g[0] * s.g[0];
         xy += s.g[0] * s.g[1];
         yy += s.g[1] * s.g[1];
         xd += s.g[0] * s.d;
         yd += s.g[1] * s.d;
+        dd += s.d * s.d;
     }
     const double u = -(yy * xd - xy * yd) / (xx * yy - xy * xy);
     const double v = -(xx * yd - xy * xd) / (xx * yy - xy * xy);
+    const double explained = dd > 0 ? std::clamp(-(u * xd + v * yd) / dd, 0.0, 1.0) : 0;
     std::array<double, 4> moments{};
     for (const Sample& s : samples) {
         const double rest = s.d + u * s.g[0] + v * s.g[1];
@@ -105,6 +107,9 @@ std::array<double, 4> tile_moments(const Frames& x, size_t window, size_t top, s
         moments[1] += still * still;
         moments[2] += rest;
         moments[3] += std::abs(s.d);
+    }
+    for (double& moment : moments) {
+        moment *= explained;
     }
     return moments;
 }

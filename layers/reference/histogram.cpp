@@ -149,14 +149,16 @@ Trial event_histogram_trial(Device& device, uint32_t trial) {
     };
     const Tensor offsets = program.input(line(packed.offset.size()));
     const Tensor marks = program.input(line(packed.size() + 1));
+    const Tensor positives = program.input(line(packed.size() + 1));
     const Tensor intervals = program.input(line(2 * ranges.size()));
     result.output = program.output(
         {2 * shape.intervals, shape.height, shape.width, shape.block, shape.halo, 0});
     program.clear(result.output);
-    record_event_histogram(program, offsets, marks, intervals, result.output);
+    record_event_histogram(program, offsets, marks, positives, intervals, result.output);
     program.finish();
     program.write(offsets, packed.offset);
     program.write(marks, packed.mark);
+    program.write(positives, packed.positives);
     program.write(intervals, std::as_bytes(std::span(ranges)));
     result.reference = reference::histogram(events.view(), exposure, edges, shape.release,
                                             shape.width, shape.height);
