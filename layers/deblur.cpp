@@ -65,12 +65,13 @@ std::vector<float> Deblur::frames(std::span<const float> blurry, const EventView
                                              " is outside the exposure, which is -1 to 1");
         }
     }
-    std::vector<float> result(times.size() * pixels);
     if (times.empty()) {
-        return result;
+        return {};
     }
+    std::vector<float> result;
     const EventView seen = window(events, exposure);
     if (seen.size() == 0) {
+        result.resize(times.size() * pixels);
         for (size_t i = 0; i < times.size(); ++i) {
             std::ranges::copy(blurry, result.begin() + static_cast<std::ptrdiff_t>(i * pixels));
         }
@@ -84,6 +85,7 @@ std::vector<float> Deblur::frames(std::span<const float> blurry, const EventView
         ascending.push_back(times[i]);
     }
     const auto frames = method_->frames({blurry, seen, exposure, ascending});
+    result.resize(times.size() * pixels); // only now, when the device has found room for them
     for (size_t i = 0; i < order.size(); ++i) {
         std::ranges::copy(frames.subspan(i * pixels, pixels),
                           result.begin() + static_cast<std::ptrdiff_t>(order[i] * pixels));

@@ -32,9 +32,9 @@ EdiThresholds thresholds_at(const Point& point) {
             static_cast<float>(std::exp(point.size - point.ratio / 2))};
 }
 
-/// Weight of a test: 1 / its variance.
-double weight(double error, double floor_) {
-    const double variance = error * error + floor_ * floor_;
+/// Weight of a test: 1 / its variance, of which `least` squared stays whatever the data.
+double weight(double error, double least) {
+    const double variance = error * error + least * least;
     return variance > 0 ? 1 / variance : 0;
 }
 

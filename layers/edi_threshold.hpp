@@ -12,11 +12,11 @@ namespace ecir {
 ///
 /// Where brightness only moves, dX/dt + v . grad X = 0 for X = ln(L + e) and the local motion v.
 /// With the thresholds' common size off by a factor f, X is close to f X* + (1 - f) b, a mixture of
-/// the true X* with the unmoving blurry b = ln(B + e), and the left side becomes (1 - f) v . grad
-/// b. So at the right size the rest that a motion fitted tile by tile leaves is uncorrelated with v
-/// . grad b; and the right ratio is where the rest has no drift, since c+ too large brightens every
-/// pixel that edges pass. The noise of the events is in the rest but not in b, so it does not bias
-/// the first test.
+/// the true X* with the unmoving blurry b = ln(B + e), and the left side becomes
+/// (1 - f) v . grad b. So at the right size the rest that a motion fitted tile by tile leaves is
+/// uncorrelated with v . grad b; and the right ratio is where the rest has no drift, since c+ too
+/// large brightens every pixel that edges pass. The noise of the events is in the rest but not in
+/// b, so it does not bias the first test. Tiles count by how well one motion explains them.
 
 /// Both tests for some thresholds, each with its standard error (infinite: no information).
 struct EdiBalance {

@@ -20,9 +20,8 @@ struct InputPush {
     uint32_t count;    ///< channel of the positive events
     uint32_t residual; ///< channel of residual i - 1
     uint32_t first;    ///< 1: interval 0, without a residual before it
-    uint32_t channels; ///< of the result, with the last block filled up
 };
-static_assert(sizeof(InputPush) == 92);
+static_assert(sizeof(InputPush) == 88);
 
 /// Mirrors the push constants of shaders/refine_update.comp.
 struct UpdatePush {
@@ -77,7 +76,7 @@ void record_refine_input(Program& program, const Tensor& frames, const Tensor& c
     dispatch.set_push(InputPush{PushLayout(pair.tensor), PushLayout(events.tensor),
                                 PushLayout(before.tensor), PushLayout(input), layout.width,
                                 layout.height, pair.skip, events.skip, before.skip,
-                                interval == 0 ? 1U : 0U, padded_channels(layout)});
+                                interval == 0 ? 1U : 0U});
     dispatch.groups = pixel_groups(layout);
     const double pixels = static_cast<double>(layout.width) * layout.height;
     dispatch.flops = 4 * pixels;

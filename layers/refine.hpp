@@ -15,12 +15,13 @@ inline constexpr uint32_t residual_channels(uint32_t interval) {
     return interval == 0 ? 8 : 9;
 }
 
-/// Records the input of the residual network of `interval`. A gradient is the left (upper)
-/// neighbour less the pixel, 0 in the first column (row). frames     d frames, any layout counts 2
-/// (d - 1) event counts, any layout residuals  d - 1 residuals, any layout; read for interval > 0
-/// only input      output of residual_channels(interval) channels, any layout; all but its halo is
-/// written,
-///            with zeros in the channels that fill up the last block
+/// Records the input of the residual network of `interval`. A gradient is the left (upper) neighbour less
+/// the pixel, 0 in the first column (row).
+/// frames     d frames, any layout
+/// counts     2 (d - 1) event counts, any layout
+/// residuals  d - 1 residuals, any layout; read for interval > 0 only
+/// input      output of residual_channels(interval) channels, any layout; the halo and what fills up the
+///            last block are left alone
 void record_refine_input(Program& program, const Tensor& frames, const Tensor& counts,
                          const Tensor& residuals, uint32_t interval, const Tensor& input);
 
@@ -29,8 +30,9 @@ using AlphaWeights = std::array<float, 10>;
 
 /// Records one gradient step on equation 8 with lambda = 1 for all frames at once:
 ///     alpha_i = 0.1 ReLU(conv3x3(L_i) + bias)     (zeros outside the image)
-///     D_i     = 2 (L_i - L0_i) - 2 (L_{i-1} + R_{i-1} - L_i) [i > 0] + 2 (L_i + R_i - L_{i+1}) [i
-///     < d - 1] L_i    <- L_i - alpha_i D_i
+///     D_i     = 2 (L_i - L0_i) - 2 (L_{i-1} + R_{i-1} - L_i) [i > 0]
+///                              + 2 (L_i + R_i - L_{i+1})     [i < d - 1]
+///     L_i    <- L_i - alpha_i D_i
 /// initial    L0, d channels
 /// frames     L, d channels, not the same memory as `updated`
 /// residuals  R, d - 1 channels; not looked at when d = 1

@@ -64,7 +64,7 @@ constexpr uint64_t kBindingAlignment = 256;
 struct PushLayout {
     uint32_t origin = 0;
     uint32_t row = 0;
-    uint32_t plane = 0;
+    uint32_t plane = 0; ///< elements a channel
     uint32_t block = 1;
 
     PushLayout() = default;
@@ -72,7 +72,7 @@ struct PushLayout {
         : origin(static_cast<uint32_t>(tensor.layout().origin() +
                                        tensor.byte_offset() % kBindingAlignment / 4)),
           row(static_cast<uint32_t>(tensor.layout().row_stride())),
-          plane(static_cast<uint32_t>(tensor.layout().plane_stride())),
+          plane(static_cast<uint32_t>(tensor.layout().plane_stride() / tensor.layout().block)),
           block(tensor.layout().block) {}
 };
 static_assert(sizeof(PushLayout) == 16);

@@ -10,7 +10,7 @@
 // frames     any layout, channels `frame` and frame + 1
 // counts     any layout, channels `count` and count + 1
 // residuals  any layout, channel `residual`; not read when first = 1
-// result     any layout, 8 (first = 1) or 9 channels, and zeros up to `channels`
+// result     any layout, 8 (first = 1) or 9 channels; what fills up the last block is left alone
 // Precondition: width <= 64 x groups.x, height = groups.y.
 // Tile: one pixel an invocation, 64 x 1 pixels a workgroup.
 layout(local_size_x = 64) in;
@@ -31,20 +31,7 @@ layout(push_constant) uniform Push {
     uint count;
     uint residual;
     uint first;
-    uint channels;
 };
-
-uint pixel; // of `result`: first element of the channel block
-uint lane;  // next channel in it
-
-void put(float value) {
-    result[pixel + lane] = value;
-    ++lane;
-    if (lane == result_layout.block) {
-        lane = 0;
-        pixel += result_layout.plane;
-    }
-}
 
 void main() {
     const uint x = gl_GlobalInvocationID.x;
@@ -59,22 +46,16 @@ void main() {
     const uint left = min(x, 1) * frames_layout.block;
     const uint above = min(y, 1) * frames_layout.row;
 
-    pixel = element(result_layout, 0, y, x);
-    lane = 0;
-    put(value[0]);
-    put(value[1]);
+    result[element(result_layout, 0, y, x)] = value[0];
+    result[element(result_layout, 1, y, x)] = value[1];
     [[unroll]] for (uint i = 0; i < 2; ++i) {
-        put(frames[at[i] - left] - value[i]);
-        put(frames[at[i] - above] - value[i]);
+        result[element(result_layout, 2 + 2 * i, y, x)] = frames[at[i] - left] - value[i];
+        result[element(result_layout, 3 + 2 * i, y, x)] = frames[at[i] - above] - value[i];
     }
-    put(counts[element(counts_layout, count, y, x)]);
-    put(counts[element(counts_layout, count + 1, y, x)]);
-    uint done = 8;
+    result[element(result_layout, 6, y, x)] = counts[element(counts_layout, count, y, x)];
+    result[element(result_layout, 7, y, x)] = counts[element(counts_layout, count + 1, y, x)];
     if (first == 0) {
-        put(residuals[element(residuals_layout, residual, y, x)]);
-        ++done;
-    }
-    for (; done < channels; ++done) {
-        put(0);
+        result[element(result_layout, 8, y, x)] =
+            residuals[element(residuals_layout, residual, y, x)];
     }
 }
