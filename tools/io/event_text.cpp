@@ -284,6 +284,10 @@ EventFile read_text_events(const fs::path& path) {
         kept = rest.size();
         std::memmove(block.data(), rest.data(), kept);
     }
+    if (std::ftell(file.get()) == 0) {
+        throw Error(ExitCode::bad_input,
+                    path.string() + ": the file is empty; copy or record it again");
+    }
     return parser.take();
 }
 

@@ -7,6 +7,7 @@
 #include <fcntl.h>
 #include <sys/stat.h>
 #include <unistd.h>
+#include <utility>
 
 namespace ecir::io {
 
@@ -26,12 +27,6 @@ public:
     Descriptor(const Descriptor&) = delete;
     Descriptor& operator=(const Descriptor&) = delete;
     [[nodiscard]] int get() const { return number_; }
-    /// Some file systems report a lack of space only here.
-    int close() {
-        const int result = ::close(number_);
-        number_ = -1;
-        return result;
-    }
 
 private:
     int number_;
@@ -133,26 +128,44 @@ std::vector<uint8_t> read_start(const fs::path& path, size_t count) {
     return bytes;
 }
 
-void write_file(const fs::path& path, std::initializer_list<std::span<const uint8_t>> parts) {
-    Descriptor file(::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666));
-    if (file.get() < 0) {
-        throw system_error(errno, path, "cannot create");
+FileWriter::FileWriter(fs::path path)
+    : path_(std::move(path)),
+      descriptor_(::open(path_.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666)) {
+    if (descriptor_ < 0) {
+        throw system_error(errno, path_, "cannot create");
     }
     struct stat about {};
-    const bool regular = ::fstat(file.get(), &about) == 0 && S_ISREG(about.st_mode);
-    try {
-        for (const auto& part : parts) {
-            write_part(file.get(), part, path);
+    regular_ = ::fstat(descriptor_, &about) == 0 && S_ISREG(about.st_mode);
+}
+
+FileWriter::~FileWriter() {
+    if (descriptor_ >= 0) {
+        ::close(descriptor_);
+        if (regular_) {
+            ::unlink(path_.c_str());
         }
-        if (file.close() != 0) {
-            throw system_error(errno, path, "cannot write");
-        }
-    } catch (const Error&) {
-        if (regular) {
-            ::unlink(path.c_str());
-        }
-        throw;
     }
+}
+
+void FileWriter::write(std::span<const uint8_t> bytes) { write_part(descriptor_, bytes, path_); }
+
+void FileWriter::close() {
+    // Some file systems report a lack of space only here.
+    if (::close(std::exchange(descriptor_, -1)) != 0) {
+        const int error_number = errno;
+        if (regular_) {
+            ::unlink(path_.c_str());
+        }
+        throw system_error(error_number, path_, "cannot write");
+    }
+}
+
+void write_file(const fs::path& path, std::initializer_list<std::span<const uint8_t>> parts) {
+    FileWriter file(path);
+    for (const auto& part : parts) {
+        file.write(part);
+    }
+    file.close();
 }
 
 void check_can_grow(const fs::path& path) {

@@ -21,8 +21,24 @@ std::vector<uint8_t> read_file(const std::filesystem::path& path);
 /// The first bytes, at most `count`. Errors as for read_file.
 std::vector<uint8_t> read_start(const std::filesystem::path& path, size_t count);
 
-/// Writes the parts one after another in place of what the file held. Every write is checked, so a
-/// full disk is an Error(resources); a regular file that could not be completed is removed.
+/// A file written part by part in place of what it held. Every write is checked, so a full disk is
+/// an Error(resources); a regular file that was not closed is removed.
+class FileWriter {
+public:
+    explicit FileWriter(std::filesystem::path path);
+    ~FileWriter();
+    FileWriter(const FileWriter&) = delete;
+    FileWriter& operator=(const FileWriter&) = delete;
+    void write(std::span<const uint8_t> bytes);
+    void close();
+
+private:
+    std::filesystem::path path_;
+    int descriptor_;
+    bool regular_ = false;
+};
+
+/// Writes the parts one after another as FileWriter does.
 void write_file(const std::filesystem::path& path,
                 std::initializer_list<std::span<const uint8_t>> parts);
 

@@ -40,9 +40,12 @@ std::string frame_name(size_t index) {
 }
 
 void write_frames_csv(const fs::path& path, std::span<const FrameTime> frames) {
-    std::string text = "file,t_normalised,t_us\n";
+    const bool sources =
+        std::ranges::any_of(frames, [](const FrameTime& frame) { return !frame.source.empty(); });
+    std::string text = sources ? "file,t_normalised,t_us,source\n" : "file,t_normalised,t_us\n";
     for (const auto& frame : frames) {
-        text += frame.file + "," + exact(frame.t_normalised) + "," + exact(frame.t_us) + "\n";
+        text += frame.file + "," + exact(frame.t_normalised) + "," + exact(frame.t_us) +
+                (sources ? "," + frame.source : "") + "\n";
     }
     write_file(path, {{reinterpret_cast<const uint8_t*>(text.data()), text.size()}});
 }

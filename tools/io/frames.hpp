@@ -14,6 +14,7 @@ struct FrameTime {
     std::string file;
     double t_normalised = 0; ///< -1 at the exposure's start, 1 at its end
     double t_us = 0;         ///< on the events' clock, microseconds
+    std::string source = {}; ///< the blurry image it comes from, where there are several
 };
 
 /// t in [-1, 1] as a time on the events' clock, microseconds.
@@ -22,7 +23,8 @@ double absolute_time(const Exposure& exposure, double t_normalised);
 /// The name of output frame `index`: 000000.png, 000001.png, ...
 std::string frame_name(size_t index);
 
-/// Writes `file,t_normalised,t_us`, numbers with the digits that restore them exactly.
+/// Writes `file,t_normalised,t_us`, numbers with the digits that restore them exactly; `source`
+/// follows as a last column if a frame has one.
 /// Errors as for write_image.
 void write_frames_csv(const std::filesystem::path& path, std::span<const FrameTime> frames);
 

@@ -93,6 +93,15 @@ size_t count_values(const fs::path& path, const std::vector<size_t>& shape) {
     return count;
 }
 
+/// As in Python, without the parentheses.
+std::string tuple_text(std::span<const size_t> shape) {
+    std::string text;
+    for (const size_t length : shape) {
+        text += (text.empty() ? "" : ", ") + std::to_string(length);
+    }
+    return shape.size() == 1 ? text + "," : text;
+}
+
 template <class Stored>
 std::vector<float> to_floats(const fs::path& path, std::span<const uint8_t> data, size_t count) {
     if (count != data.size() / sizeof(Stored) || data.size() % sizeof(Stored) != 0) {
@@ -143,33 +152,47 @@ Array read_npy(const fs::path& path, bool* integer) {
     return array;
 }
 
-void write_npy(const fs::path& path, std::span<const size_t> shape, std::span<const float> values) {
-    std::string tuple;
-    size_t count = 1;
-    for (const size_t length : shape) {
-        tuple += std::to_string(length) + (shape.size() == 1 ? "," : ", ");
-        count *= length;
-    }
-    if (shape.size() > 1) {
-        tuple.resize(tuple.size() - 2);
-    }
-    if (count != values.size()) {
-        fail(path, "cannot write " + std::to_string(values.size()) + " values as (" + tuple + ")",
-             "give as many values as the shape has");
-    }
-    std::string header = "{'descr': '<f4', 'fortran_order': False, 'shape': (" + tuple + "), }";
+NpyWriter::NpyWriter(const fs::path& path, std::span<const size_t> shape)
+    : path_(path), count_(count_values(path, {shape.begin(), shape.end()})), file_(path) {
+    const std::string header = "{'descr': '<f4', 'fortran_order': False, 'shape': (" +
+                               tuple_text(shape) + "), }";
     // The values start at a multiple of 64 bytes; the header ends with a newline.
     const size_t start = magic.size() + 4;
-    header.append(63 - (start + header.size()) % 64, ' ');
-    header += '\n';
+    const size_t padding = 63 - (start + header.size()) % 64;
+    const size_t length = header.size() + padding + 1;
     std::string front(magic);
     front += '\x01';
     front += '\x00';
-    front += static_cast<char>(header.size() & 0xffU);
-    front += static_cast<char>(header.size() >> 8U);
-    front += header;
-    write_file(path, {{reinterpret_cast<const uint8_t*>(front.data()), front.size()},
-                      {reinterpret_cast<const uint8_t*>(values.data()), values.size_bytes()}});
+    front += static_cast<char>(length & 0xffU);
+    front += static_cast<char>(length >> 8U);
+    front += header + std::string(padding, ' ') + '\n';
+    file_.write({reinterpret_cast<const uint8_t*>(front.data()), front.size()});
+}
+
+void NpyWriter::add(std::span<const float> values) {
+    file_.write({reinterpret_cast<const uint8_t*>(values.data()), values.size_bytes()});
+    written_ += values.size();
+}
+
+void NpyWriter::close() {
+    if (written_ != count_) {
+        fail(path_, "cannot write " + std::to_string(written_) + " values as " +
+                        std::to_string(count_),
+             "give as many values as the shape has");
+    }
+    file_.close();
+}
+
+void write_npy(const fs::path& path, std::span<const size_t> shape, std::span<const float> values) {
+    if (count_values(path, {shape.begin(), shape.end()}) != values.size()) {
+        fail(path,
+             "cannot write " + std::to_string(values.size()) + " values as (" + tuple_text(shape) +
+                 ")",
+             "give as many values as the shape has");
+    }
+    NpyWriter writer(path, shape);
+    writer.add(values);
+    writer.close();
 }
 
 } // namespace ecir::io

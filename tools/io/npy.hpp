@@ -4,6 +4,8 @@
 #include <span>
 #include <vector>
 
+#include "tools/io/file.hpp"
+
 namespace ecir::io {
 
 /// A float32 array in C order.
@@ -17,5 +19,21 @@ struct Array {
 Array read_npy(const std::filesystem::path& path, bool* integer = nullptr);
 void write_npy(const std::filesystem::path& path, std::span<const size_t> shape,
                std::span<const float> values);
+
+/// A float32 array written part by part, so that it need not fit into memory.
+class NpyWriter {
+public:
+    NpyWriter(const std::filesystem::path& path, std::span<const size_t> shape);
+    /// The next values in C order.
+    void add(std::span<const float> values);
+    /// Ends the file, which then has as many values as its shape.
+    void close();
+
+private:
+    std::filesystem::path path_;
+    size_t count_;
+    size_t written_ = 0;
+    FileWriter file_;
+};
 
 } // namespace ecir::io

@@ -1,0 +1,134 @@
+#include <doctest/doctest.h>
+
+#include "tests/cli_support.hpp"
+
+using namespace ecir;
+using namespace ecir::test;
+
+namespace {
+
+/// Three exposures in a folder.
+struct Three {
+    TemporaryFolder folder;
+    fs::path scene = folder / "scene";
+    Three() { make_scene(folder / "still.png", scene, 1, {"--count", "3"}); }
+    static Three& get() {
+        static Three three;
+        return three;
+    }
+    /// A copy whose files may be changed.
+    [[nodiscard]] fs::path copy(const std::string& name) const {
+        fs::copy(scene, folder / name, fs::copy_options::recursive);
+        return folder / name;
+    }
+    [[nodiscard]] std::string result(const std::string& name) const { return (folder / name).string(); }
+    [[nodiscard]] Arguments deblur(const fs::path& input, const std::string& out,
+                                   const Arguments& more = {}) const {
+        return Arguments{"deblur", "-i", input.string(), "-o", result(out)} + kEdi + more;
+    }
+};
+
+} // namespace
+
+TEST_SUITE("cli recording") {
+    TEST_CASE("the frames of all exposures are numbered on, with times and sources") {
+        const Three& three = Three::get();
+        must(three.deblur(three.scene, "out", {"--frames", "4"}));
+        CHECK(names(three.result("out")).size() == 13);
+        const auto csv = lines(three.result("out") + "/frames.csv");
+        REQUIRE(csv.size() == 13);
+        CHECK(csv[0] == "file,t_normalised,t_us,source");
+        CHECK(csv[1] == "000000.png,-1,1600000000000000,blurry_000000.png");
+        CHECK(csv[5] == "000004.png,-1,1600000000050000,blurry_000001.png");
+        CHECK(csv[12] == "000011.png,1,1600000000150000,blurry_000002.png");
+        must(three.deblur(three.scene, "out.npy", {"--frames", "4"}));
+        CHECK(io::read_npy(three.result("out.npy")).shape ==
+              std::vector<size_t>{12, kHeight, kWidth});
+        must(three.deblur(three.scene, "out.mp4", {"--frames", "4"}));
+    }
+
+    TEST_CASE("an exposure of it gives what it gives alone") {
+        const Three& three = Three::get();
+        must(three.deblur(three.scene, "all.npy", {"--frames", "4"}));
+        must(Arguments{"deblur", "-i", (three.scene / "blurry_000001.png").string(), "-e",
+                       (three.scene / "events.h5").string(), "--exposure", "1600000000050000",
+                       "1600000000100000", "-o", three.result("alone.npy"), "--frames", "4"} +
+             kEdi);
+        const auto all = io::read_npy(three.result("all.npy")).values;
+        const auto alone = io::read_npy(three.result("alone.npy")).values;
+        CHECK(std::equal(alone.begin(), alone.end(),
+                         all.begin() + static_cast<std::ptrdiff_t>(alone.size())));
+    }
+
+    TEST_CASE("an existing output is kept without --overwrite and replaced with it") {
+        const Three& three = Three::get();
+        must(three.deblur(three.scene, "kept", {"--frames", "2"}));
+        const std::string before = get(three.result("kept") + "/frames.csv");
+        must_fail(2, three.deblur(three.scene, "kept"), {"kept", "exists", "--overwrite"});
+        CHECK(get(three.result("kept") + "/frames.csv") == before);
+        must(three.deblur(three.scene, "kept", {"--frames", "3", "--overwrite"}));
+        CHECK(names(three.result("kept")).size() == 10);
+        must(three.deblur(three.scene, "kept.npy", {"--frames", "2"}));
+        must_fail(2, three.deblur(three.scene, "kept.npy"), {"kept.npy", "--overwrite"});
+        must(three.deblur(three.scene, "kept.npy", {"--frames", "3", "--overwrite"}));
+        CHECK(io::read_npy(three.result("kept.npy")).shape[0] == 9);
+    }
+
+    TEST_CASE("an output that holds the input is refused") {
+        const Three& three = Three::get();
+        const fs::path scene = three.copy("holds");
+        must_fail(2, three.deblur(scene, "holds", {"--overwrite"}), {"holds", "another output"});
+        CHECK(fs::exists(scene / "exposures.csv"));
+    }
+
+    TEST_CASE("an error in a later exposure leaves no frame of the earlier ones") {
+        const Three& three = Three::get();
+        const fs::path scene = three.copy("damaged");
+        truncate(three.scene / "blurry_000002.png", scene / "blurry_000002.png", 0.5);
+        for (const std::string out : {"left", "left.npy", "left.mp4"}) {
+            const auto before = names(three.folder.path());
+            must_fail(3, three.deblur(scene, out), {"blurry_000002.png", "truncated"});
+            CHECK(names(three.folder.path()) == before);
+        }
+        io::Image other = still(1);
+        io::write_image(scene / "blurry_000002.png", other);
+        must_fail(3, three.deblur(scene, "left"), {"blurry_000002.png", "96 x 80", "48 x 40"});
+        must_fail(3, three.deblur(scene, "left", {"--size", "24x20"}), {"blurry_000002.png"});
+    }
+
+    TEST_CASE("a folder that is no recording says what is missing") {
+        const Three& three = Three::get();
+        const fs::path scene = three.copy("lacking");
+        must_fail(2, three.deblur(scene, "no", {"-e", "events.h5"}), {"-e"});
+        put(scene / "exposures.csv", "file,start_us,end_us\nblurry_000000.png,5,4\n");
+        must_fail(3, three.deblur(scene, "no"), {"exposures.csv", "line 2", "4", "5"});
+        put(scene / "exposures.csv", "file,start_us,end_us\nnosuch.png,5,6\n");
+        must_fail(3, three.deblur(scene, "no"), {"exposures.csv", "line 2", "nosuch.png"});
+        fs::remove(scene / "events.h5");
+        put(scene / "exposures.csv", "file,start_us,end_us\nblurry_000000.png,5,6\n");
+        must_fail(3, three.deblur(scene, "no"), {"lacking", "no events file"});
+        fs::remove(scene / "exposures.csv");
+        must_fail(3, three.deblur(scene, "no"), {"lacking", "exposures.csv"});
+    }
+
+    TEST_CASE("SIGTERM leaves nothing") {
+        const Three& three = Three::get();
+        for (const std::string out : {"ended", "ended.npy", "ended.mp4"}) {
+            const auto before = names(three.folder.path());
+            const TemporaryFolder streams;
+            // Long enough to be met at work.
+            const pid_t child =
+                start({"deblur", "-i", three.scene.string(), "-o", three.result(out), "--frames", "2000"},
+                      streams / "out", streams / "err");
+            // A temporary shows that the work has begun.
+            for (int i = 0; i < 1000 && names(three.folder.path()) == before; ++i) {
+                ::usleep(10'000);
+            }
+            CHECK(names(three.folder.path()) != before);
+            ::usleep(100'000);
+            ::kill(child, SIGTERM);
+            CHECK(wait_for(child) == 128 + SIGTERM);
+            CHECK(names(three.folder.path()) == before);
+        }
+    }
+}

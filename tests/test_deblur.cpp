@@ -1,0 +1,150 @@
+#include <doctest/doctest.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "layers/deblur.hpp"
+#include "layers/operations.hpp"
+#include "runtime/error.hpp"
+
+// The library's main entry, on small scenes made of random events.
+namespace {
+
+using namespace ecir;
+
+constexpr uint32_t kWidth = 37;
+constexpr uint32_t kHeight = 26;
+constexpr Exposure kExposure{1'600'000'000'000'000, 1'600'000'000'050'000};
+
+Events random_events(size_t count) {
+    CaseRandom random(11);
+    std::vector<int64_t> times;
+    for (size_t i = 0; i < count; ++i) {
+        times.push_back(kExposure.start + random.integer(0, 50'000));
+    }
+    std::ranges::sort(times);
+    Events events;
+    for (const int64_t t : times) {
+        events.push_back(t, static_cast<uint16_t>(random.integer(0, kWidth - 1)),
+                         static_cast<uint16_t>(random.integer(0, kHeight - 1)),
+                         static_cast<uint8_t>(random.integer(0, 1)));
+    }
+    return events;
+}
+
+const std::vector<float>& blurry() {
+    static const std::vector<float> values = CaseRandom(12).values(kWidth * kHeight, 0.1, 0.9);
+    return values;
+}
+
+std::span<const float> frame(const std::vector<float>& frames, size_t index) {
+    return std::span(frames).subspan(index * kWidth * kHeight, kWidth * kHeight);
+}
+
+ExitCode code_of(const auto& action) {
+    try {
+        action();
+    } catch (const Error& error) {
+        return error.code();
+    }
+    return ExitCode::ok;
+}
+
+} // namespace
+
+TEST_SUITE("deblur") {
+    TEST_CASE("frames come in the order of the times, and one at a time as in company") {
+        const auto device = Device::open();
+        const Events events = random_events(3000);
+        for (const char* model : {"edi", "ecir-small"}) {
+            CAPTURE(model);
+            DeblurOptions options;
+            options.model = model;
+            if (options.model != "edi") {
+                options.refine = 0; // the refinement lets frames learn from each other
+            }
+            Deblur deblur(device, options, kWidth, kHeight);
+            const auto ordered = deblur.frames(blurry(), events.view(), kExposure, std::vector{-1.0, 0.25, 1.0});
+            const auto mixed = deblur.frames(blurry(), events.view(), kExposure, std::vector{1.0, -1.0, 0.25});
+            CHECK(std::ranges::equal(frame(ordered, 0), frame(mixed, 1)));
+            CHECK(std::ranges::equal(frame(ordered, 1), frame(mixed, 2)));
+            CHECK(std::ranges::equal(frame(ordered, 2), frame(mixed, 0)));
+            const auto single = deblur.frames(blurry(), events.view(), kExposure, std::vector{0.25});
+            CHECK(std::ranges::equal(frame(ordered, 1), single));
+        }
+    }
+
+    TEST_CASE("the same time twice gives the same frame twice, refined as well") {
+        const Events events = random_events(2000);
+        Deblur deblur(Device::open(), {}, kWidth, kHeight);
+        const auto frames =
+            deblur.frames(blurry(), events.view(), kExposure, std::vector{0.5, -0.5, 0.5});
+        CHECK(std::ranges::all_of(frames, [](float value) { return std::isfinite(value); }));
+    }
+
+    TEST_CASE("without events in the exposure every frame is the blurry one") {
+        const Events events = random_events(100);
+        Deblur deblur(Device::open(), {}, kWidth, kHeight);
+        const Exposure later{kExposure.end + 1, kExposure.end + 1000};
+        const auto frames = deblur.frames(blurry(), events.view(), later, even_times(3));
+        for (size_t i = 0; i < 3; ++i) {
+            CHECK(std::ranges::equal(frame(frames, i), blurry()));
+        }
+        CHECK(deblur.frames(blurry(), events.view(), kExposure, {}).empty());
+    }
+
+    TEST_CASE("events outside the exposure change nothing") {
+        const auto device = Device::open();
+        Events events = random_events(1000);
+        Deblur deblur(device, {}, kWidth, kHeight);
+        const auto alone = deblur.frames(blurry(), events.view(), kExposure, even_times(2));
+        events.push_back(kExposure.end + 1, 3, 3, 1);
+        CHECK(deblur.frames(blurry(), events.view(), kExposure, even_times(2)) == alone);
+    }
+
+    TEST_CASE("more events than before, and another number of frames, record a new program") {
+        const auto device = Device::open();
+        Deblur deblur(device, {}, kWidth, kHeight);
+        for (const auto& [count, frames] : {std::pair{10U, 2U}, {60'000U, 2U}, {10U, 5U}}) {
+            const Events events = random_events(count);
+            const auto got = deblur.frames(blurry(), events.view(), kExposure, even_times(frames));
+            Deblur fresh(device, {}, kWidth, kHeight);
+            CHECK(got == fresh.frames(blurry(), events.view(), kExposure, even_times(frames)));
+        }
+    }
+
+    TEST_CASE("what a model does not take is refused") {
+        const auto device = Device::open();
+        const auto open = [&](const auto& change) {
+            DeblurOptions options;
+            change(options);
+            return code_of([&] { Deblur(device, options, kWidth, kHeight); });
+        };
+        using O = DeblurOptions;
+        CHECK(open([](O& o) { o.model = "no-such-model"; }) == ExitCode::bad_input);
+        CHECK(open([](O& o) { o.model = "/no/such/file.safetensors"; }) == ExitCode::bad_input);
+        CHECK(open([](O& o) { o.keypoints = 11; }) == ExitCode::usage);
+        CHECK(open([](O& o) { o.keypoints = 10; }) == ExitCode::ok);
+        CHECK(open([](O& o) { o.thresholds = EdiThresholds{}; }) == ExitCode::usage);
+        CHECK(open([](O& o) { o.model = "edi", o.refine = 1; }) == ExitCode::usage);
+        Deblur deblur(device, {}, kWidth, kHeight);
+        CHECK(code_of([&] {
+                  deblur.frames(blurry(), {}, kExposure, std::vector{1.5});
+              }) == ExitCode::usage);
+        CHECK(code_of([&] {
+                  deblur.frames(std::vector<float>(3), {}, kExposure, std::vector{0.0});
+              }) == ExitCode::bad_input);
+    }
+
+    TEST_CASE("colour follows the luminance, and keeps the frame where nothing changed") {
+        const std::vector<float> colour = {0.2F, 0.4F, 0.6F, 0.0F, 1.0F, 0.5F};
+        const std::vector<float> before = {0.4F, 0.5F};
+        const auto same = recolour(colour, before, before, 3);
+        const auto twice = recolour(colour, before, std::vector<float>{0.81F, 0.5F}, 3);
+        for (size_t i = 0; i < colour.size(); ++i) {
+            CHECK(same[i] == doctest::Approx(colour[i]).epsilon(1e-6));
+            const double factor = i < 3 ? 2 : 1;
+            CHECK(twice[i] == doctest::Approx((colour[i] + 0.01) * factor - 0.01).epsilon(1e-6));
+        }
+    }
+}
