@@ -10,7 +10,6 @@
 namespace ecir {
 namespace {
 
-
 struct LanePush {
     uint64_t in_address = 0;
     uint32_t in_row = 0;
@@ -49,9 +48,13 @@ static_assert(sizeof(TilePush) == 56);
 
 constexpr float kNoFloor = std::numeric_limits<float>::lowest();
 
-[[noreturn]] void fail(const std::string& what) { throw Error(ExitCode::device, "conv: " + what); }
+[[noreturn]] void fail(const std::string& what) {
+    throw Error(ExitCode::device, "conv: " + what);
+}
 
-uint32_t ceil_div(uint32_t value, uint32_t divisor) { return (value + divisor - 1) / divisor; }
+uint32_t ceil_div(uint32_t value, uint32_t divisor) {
+    return (value + divisor - 1) / divisor;
+}
 
 /// Pixels of a lane: 20 is the faster tile, 15 wastes less on narrow images.
 uint32_t lane_pixels(uint32_t width) {
@@ -69,7 +72,8 @@ uint32_t lane_pixels(uint32_t width) {
 } // namespace
 
 ConvFamily conv_family(const DeviceInfo& info) {
-    const bool lane = info.is_cpu && info.buffer_address && info.max_uniform_range >= kConvUniformSlice;
+    const bool lane =
+        info.is_cpu && info.buffer_address && info.max_uniform_range >= kConvUniformSlice;
     return lane ? ConvFamily::lane : ConvFamily::tile;
 }
 
@@ -94,24 +98,24 @@ void Conv::check(std::span<const Tensor> inputs, const Tensor& output,
     const uint32_t halo = desc_.transposed ? 1 : desc_.kernel / 2;
     for (size_t i = 0; i < inputs.size(); ++i) {
         const Layout& in = inputs[i].layout();
-        const bool shape = desc_.transposed
-                               ? ceil_div(out.height, 2) == in.height && ceil_div(out.width, 2) == in.width
-                               : ceil_div(in.height, desc_.stride) == out.height &&
-                                     ceil_div(in.width, desc_.stride) == out.width;
+        const bool shape = desc_.transposed ? ceil_div(out.height, 2) == in.height &&
+                                                  ceil_div(out.width, 2) == in.width
+                                            : ceil_div(in.height, desc_.stride) == out.height &&
+                                                  ceil_div(in.width, desc_.stride) == out.width;
         if (!shape || in.channels != inputs_[i].size() || in.halo < halo ||
             (in.block != block_ && in.block != 1)) {
             fail("input " + std::to_string(i) + " of " + std::to_string(in.channels) + "x" +
-                 std::to_string(in.height) + "x" + std::to_string(in.width) + " does not fit output " +
-                 std::to_string(out.channels) + "x" + std::to_string(out.height) + "x" +
-                 std::to_string(out.width));
+                 std::to_string(in.height) + "x" + std::to_string(in.width) +
+                 " does not fit output " + std::to_string(out.channels) + "x" +
+                 std::to_string(out.height) + "x" + std::to_string(out.width));
         }
     }
     if (out.channels != desc_.out_channels || out.block != block_) {
         fail("output has the wrong channels or block");
     }
-    if (residual && (residual->layout().channels != out.channels ||
-                     residual->layout().height != out.height ||
-                     residual->layout().width != out.width || residual->layout().block != block_)) {
+    if (residual &&
+        (residual->layout().channels != out.channels || residual->layout().height != out.height ||
+         residual->layout().width != out.width || residual->layout().block != block_)) {
         fail("residual and output differ in shape");
     }
 }
@@ -140,7 +144,8 @@ void Conv::record_lane(Program& program, std::span<const Tensor> inputs, const T
         const Phase& phase = phases_[p];
         const uint32_t height = ceil_div(out.height - phase.offset_y, step());
         const uint32_t width = ceil_div(out.width - phase.offset_x, step());
-        if (height == 0 || width == 0 || out.height <= phase.offset_y || out.width <= phase.offset_x) {
+        if (height == 0 || width == 0 || out.height <= phase.offset_y ||
+            out.width <= phase.offset_x) {
             continue;
         }
         const uint32_t pixels = lane_pixels(width);
@@ -150,8 +155,9 @@ void Conv::record_lane(Program& program, std::span<const Tensor> inputs, const T
             const Slice& slice = slices[s];
             const Tensor& source = inputs[slice.input];
             const Layout& in = source.layout();
-            const std::array<uint32_t, 8> constants{block_,         pixels, slice.count, phase.kernel_h,
-                                                    phase.kernel_w, stride, in.block,    step()};
+            const std::array<uint32_t, 8> constants{block_,         pixels,         slice.count,
+                                                    phase.kernel_h, phase.kernel_w, stride,
+                                                    in.block,       step()};
             const uint64_t in_corner = in.origin() + slice.first / in.block * in.plane_stride() -
                                        phase.pad_y * in.row_stride() -
                                        uint64_t{phase.pad_x} * in.block;
@@ -187,16 +193,17 @@ void Conv::record_lane(Program& program, std::span<const Tensor> inputs, const T
                     push.init_origin = corner(start, phase);
                     dispatch.arguments[2] = ecir::read(start);
                 }
-                dispatch.pointers = {{offsetof(LanePush, in_address), ecir::read(source), in_corner * 4}};
+                dispatch.pointers = {
+                    {offsetof(LanePush, in_address), ecir::read(source), in_corner * 4}};
                 dispatch.set_push(push);
                 dispatch.groups = {ceil_div(width, pixels), height, count};
-                const double outputs = double{1} * width * height *
-                                      
-                                       std::min(count * block_, desc_.out_channels - group * block_);
+                const double outputs =
+                    double{1} * width * height *
+
+                    std::min(count * block_, desc_.out_channels - group * block_);
                 const auto real = std::min<uint32_t>(
                     slice.count, static_cast<uint32_t>(inputs_[slice.input].size()) - slice.first);
-                dispatch.flops =
-                    2.0 * outputs * real * static_cast<double>(phase.taps.size());
+                dispatch.flops = 2.0 * outputs * real * static_cast<double>(phase.taps.size());
                 dispatch.bytes = 4.0 * (double{1} * in.height * in.width * real + 2 * outputs);
                 dispatch.label = "conv_lane";
                 program.add(std::move(dispatch));
@@ -221,8 +228,8 @@ void Conv::record_tile(Program& program, std::span<const Tensor> inputs, const T
             TilePush push;
             push.in_row = static_cast<uint32_t>(in.row_stride());
             push.in_plane = static_cast<uint32_t>(in.plane_stride());
-            push.in_origin = PushLayout(inputs[i]).origin - phase.pad_y * push.in_row -
-                             phase.pad_x * in.block;
+            push.in_origin =
+                PushLayout(inputs[i]).origin - phase.pad_y * push.in_row - phase.pad_x * in.block;
             push.out_origin = corner(output, phase);
             push.out_row = static_cast<uint32_t>(out.row_stride() * step());
             push.out_plane = static_cast<uint32_t>(out.plane_stride());
@@ -234,8 +241,8 @@ void Conv::record_tile(Program& program, std::span<const Tensor> inputs, const T
             push.height = ceil_div(out.height - phase.offset_y, step());
             push.has_init = accumulate || residual ? 1 : 0;
             push.floor = i + 1 == inputs.size() && desc_.relu ? 0 : kNoFloor;
-            const std::array<uint32_t, 5> constants{phase.kernel_h, phase.kernel_w, stride, in.block,
-                                                    step()};
+            const std::array<uint32_t, 5> constants{phase.kernel_h, phase.kernel_w, stride,
+                                                    in.block, step()};
             const uint64_t zeros = zeros_offset();
             Dispatch dispatch;
             dispatch.kernel = &device_.kernel("conv_tile", constants, 6, sizeof(TilePush));
@@ -248,10 +255,9 @@ void Conv::record_tile(Program& program, std::span<const Tensor> inputs, const T
             dispatch.set_push(push);
             dispatch.groups = {ceil_div(push.width, 32), ceil_div(push.height, 8), groups()};
             const double outputs = double{1} * push.width * push.height * desc_.out_channels;
-            dispatch.flops =
-                2.0 * outputs * in.channels * static_cast<double>(phase.taps.size());
-            dispatch.bytes =
-                4.0 * (double{1} * in.height * in.width * in.channels + (accumulate ? 2 : 1) * outputs);
+            dispatch.flops = 2.0 * outputs * in.channels * static_cast<double>(phase.taps.size());
+            dispatch.bytes = 4.0 * (double{1} * in.height * in.width * in.channels +
+                                    (accumulate ? 2 : 1) * outputs);
             dispatch.label = "conv_tile";
             program.add(std::move(dispatch));
         }

@@ -15,8 +15,9 @@ enum class ConvFamily {
     tile, ///< shaders/conv_tile.comp, storage buffers only, for GPUs and everything else
 };
 
-constexpr uint32_t kConvTileBlock = 8;        ///< channel block of the tile family
-constexpr uint64_t kConvUniformSlice = 65536; ///< bytes of weights that a lane-family dispatch can see
+constexpr uint32_t kConvTileBlock = 8; ///< channel block of the tile family
+constexpr uint64_t kConvUniformSlice =
+    65536; ///< bytes of weights that a lane-family dispatch can see
 
 /// The family for a device: lane on a CPU driver that has device addresses, else tile.
 ConvFamily conv_family(const DeviceInfo& info);
@@ -32,9 +33,9 @@ struct ConvDesc {
     bool relu = false;
 };
 
-/// Input channels of a convolution in the order of one input tensor: for each channel of the tensor its
-/// index among the weight's input channels. A convolution over a concatenation takes a list of these,
-/// a tensor each, and nothing is copied together.
+/// Input channels of a convolution in the order of one input tensor: for each channel of the tensor
+/// its index among the weight's input channels. A convolution over a concatenation takes a list of
+/// these, a tensor each, and nothing is copied together.
 using ChannelMap = std::vector<uint32_t>;
 
 /// first, first + 1, ..., first + count - 1.
@@ -51,10 +52,10 @@ public:
          std::span<const float> weight, std::span<const float> bias,
          std::optional<ConvFamily> family = {});
 
-    /// Output pixels are ceil(H / stride) x ceil(W / stride); transposed: 2 H or 2 H - 1 as `output` has.
-    /// Inputs need a halo of kernel / 2 (transposed: 1) zeros and their channel padding finite; block
-    /// channel_block() or 1. Output and residual have block channel_block(). The output's halo is not
-    /// written. Throws Error(device) where shapes disagree.
+    /// Output pixels are ceil(H / stride) x ceil(W / stride); transposed: 2 H or 2 H - 1 as
+    /// `output` has. Inputs need a halo of kernel / 2 (transposed: 1) zeros and their channel
+    /// padding finite; block channel_block() or 1. Output and residual have block channel_block().
+    /// The output's halo is not written. Throws Error(device) where shapes disagree.
     void record(Program& program, std::span<const Tensor> inputs, const Tensor& output,
                 const std::optional<Tensor>& residual = {}) const;
     void record(Program& program, const Tensor& input, const Tensor& output,
@@ -63,7 +64,8 @@ public:
     }
 
 private:
-    /// Taps of one sub-pixel phase: input row = stride y + ky - pad_y, output row = step y + offset_y.
+    /// Taps of one sub-pixel phase: input row = stride y + ky - pad_y, output row = step y +
+    /// offset_y.
     struct Phase {
         uint32_t kernel_h;
         uint32_t kernel_w;

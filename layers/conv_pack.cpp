@@ -9,7 +9,9 @@
 namespace ecir {
 namespace {
 
-[[noreturn]] void fail(const std::string& what) { throw Error(ExitCode::device, "conv: " + what); }
+[[noreturn]] void fail(const std::string& what) {
+    throw Error(ExitCode::device, "conv: " + what);
+}
 
 uint32_t round_up(uint32_t value, uint32_t multiple) {
     return (value + multiple - 1) / multiple * multiple;
@@ -21,8 +23,11 @@ void append_aligned(std::vector<float>& all, const std::vector<float>& part) {
     all.resize((all.size() + kFloats - 1) / kFloats * kFloats);
 }
 
-/// Input channels of one slice: enough work for each pass over the output, code that still compiles fast.
-uint32_t slice_channels(uint32_t taps) { return taps >= 12 ? 8 : taps >= 4 ? 16 : 32; }
+/// Input channels of one slice: enough work for each pass over the output, code that still compiles
+/// fast.
+uint32_t slice_channels(uint32_t taps) {
+    return taps >= 12 ? 8 : taps >= 4 ? 16 : 32;
+}
 
 } // namespace
 
@@ -35,8 +40,7 @@ Conv::Conv(Device& device, const ConvDesc& desc, const std::vector<ChannelMap>& 
     for (const ChannelMap& map : inputs) {
         in_channels_ += static_cast<uint32_t>(map.size());
     }
-    const size_t wanted =
-        size_t{desc.out_channels} * in_channels_ * desc.kernel * desc.kernel;
+    const size_t wanted = size_t{desc.out_channels} * in_channels_ * desc.kernel * desc.kernel;
     if (weight.size() != wanted || (!bias.empty() && bias.size() != desc.out_channels)) {
         fail("weight has " + std::to_string(weight.size()) + " values, the shape needs " +
              std::to_string(wanted));
@@ -67,8 +71,8 @@ void Conv::make_phases() {
         phases_.push_back(phase);
         return;
     }
-    // out[2 j + p] = sum over ky = p + pad (mod 2) of w[ky] in[j + (p + pad - ky) / 2]: in the order of
-    // the input rows ky falls, from the largest of its parity.
+    // out[2 j + p] = sum over ky = p + pad (mod 2) of w[ky] in[j + (p + pad - ky) / 2]: in the
+    // order of the input rows ky falls, from the largest of its parity.
     struct Axis {
         std::vector<uint32_t> taps;
         uint32_t pad;
@@ -113,8 +117,8 @@ float Conv::weight_at(std::span<const float> weight, uint32_t out, uint32_t in,
         return 0;
     }
     const size_t taps = size_t{desc_.kernel} * desc_.kernel;
-    const size_t pair = desc_.transposed ? size_t{in} * desc_.out_channels + out
-                                         : size_t{out} * in_channels_ + in;
+    const size_t pair =
+        desc_.transposed ? size_t{in} * desc_.out_channels + out : size_t{out} * in_channels_ + in;
     return weight[pair * taps + tap];
 }
 
@@ -135,8 +139,8 @@ void Conv::pack_lane(std::span<const float> weight) {
                 const uint32_t pairs = (count * taps + 1) / 2;
                 const uint64_t group_bytes = uint64_t{pairs} * block_ * 8;
                 Slice slice{input, first, count, {}, 0};
-                slice.groups_per_chunk = std::min(
-                    groups(), static_cast<uint32_t>(kConvUniformSlice / group_bytes));
+                slice.groups_per_chunk =
+                    std::min(groups(), static_cast<uint32_t>(kConvUniformSlice / group_bytes));
                 for (uint32_t group = 0; group < groups(); group += slice.groups_per_chunk) {
                     const uint32_t end = std::min(groups(), group + slice.groups_per_chunk);
                     std::vector<float> chunk(size_t{end - group} * pairs * block_ * 2);
@@ -149,8 +153,7 @@ void Conv::pack_lane(std::span<const float> weight) {
                                         ((size_t{g - group} * pairs + n / 2) * block_ + lane) * 2 +
                                         n % 2;
                                     chunk[at] = weight_at(weight, g * block_ + lane,
-                                                          inputs_[input][first + i],
-                                                          phase.taps[t]);
+                                                          inputs_[input][first + i], phase.taps[t]);
                                 }
                             }
                         }
@@ -164,7 +167,8 @@ void Conv::pack_lane(std::span<const float> weight) {
         }
         slices_.push_back(std::move(slices));
     }
-    all.resize(all.size() + kConvUniformSlice / sizeof(float)); // the last binding is as long as the others
+    all.resize(all.size() +
+               kConvUniformSlice / sizeof(float)); // the last binding is as long as the others
     weights_ = upload<float>(device_, all);
 }
 
@@ -181,7 +185,8 @@ void Conv::pack_tile(std::span<const float> weight) {
                 for (uint32_t in = 0; in < channels; ++in) {
                     for (uint32_t t = 0; t < taps; ++t) {
                         const size_t at =
-                            ((size_t{out / block_} * padded + in) * taps + t) * block_ + out % block_;
+                            ((size_t{out / block_} * padded + in) * taps + t) * block_ +
+                            out % block_;
                         part[at] = weight_at(weight, out, map[in], phase.taps[t]);
                     }
                 }

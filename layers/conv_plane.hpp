@@ -4,14 +4,16 @@
 namespace ecir {
 
 /// A convolution with zero padding, one output channel and no bias, as two kernels: every tap's dot
-/// product over the channels at each pixel (a 1x1 convolution to kernel^2 planes, where the lanes or
-/// vectors over output channels are full), then the sum of the taps' planes, each shifted by its tap.
+/// product over the channels at each pixel (a 1x1 convolution to kernel^2 planes, where the lanes
+/// or vectors over output channels are full), then the sum of the taps' planes, each shifted by its
+/// tap.
 class ConvPlane {
 public:
     /// weight: [1][channels][kernel][kernel].
     ConvPlane(Device& device, uint32_t channels, uint32_t kernel, std::span<const float> weight);
 
-    /// input: block channel_block(), any halo; output: 1 channel, any layout; its halo is not written.
+    /// input: block channel_block(), any halo; output: 1 channel, any layout; its halo is not
+    /// written.
     void record(Program& program, const Tensor& input, const Tensor& output) const;
 
 private:

@@ -17,19 +17,22 @@ std::unique_ptr<Method> make_method(std::shared_ptr<Device> device, const Deblur
                                     uint32_t width, uint32_t height) {
     if (options.model == "edi") {
         if (options.refine || options.keypoints) {
-            throw Error(ExitCode::usage,
-                        "edi has neither keypoints nor a refinement; leave --keypoints and --refine out");
+            throw Error(
+                ExitCode::usage,
+                "edi has neither keypoints nor a refinement; leave --keypoints and --refine out");
         }
         return std::make_unique<EdiMethod>(std::move(device), height, width, options.thresholds);
     }
     if (options.thresholds) {
-        throw Error(ExitCode::usage, "--threshold is for -m edi; the networks learn their thresholds");
+        throw Error(ExitCode::usage,
+                    "--threshold is for -m edi; the networks learn their thresholds");
     }
     const SafeTensors weights(find_model(options.model));
     const std::string kind = weights.meta("model");
     if (kind != "ecir") {
-        throw Error(ExitCode::bad_input, "weights file " + weights.path().string() + " is of a model '" +
-                                             kind + "', which this version does not run; it runs ecir");
+        throw Error(ExitCode::bad_input, "weights file " + weights.path().string() +
+                                             " is of a model '" + kind +
+                                             "', which this version does not run; it runs ecir");
     }
     const EcirConfig config(weights);
     if (options.keypoints && *options.keypoints != config.keypoints) {
@@ -110,11 +113,12 @@ std::vector<float> recolour(std::span<const float> blurry, std::span<const float
                             std::span<const float> luminance, uint32_t channels) {
     std::vector<float> result(blurry.size());
     for (size_t pixel = 0; pixel < luminance.size(); ++pixel) {
-        const double ratio = (luminance[pixel] + kIntensityOffset) /
-                             (luminance_blurry[pixel] + kIntensityOffset);
+        const double ratio =
+            (luminance[pixel] + kIntensityOffset) / (luminance_blurry[pixel] + kIntensityOffset);
         for (size_t c = 0; c < channels; ++c) {
             const size_t i = pixel * channels + c;
-            result[i] = static_cast<float>((blurry[i] + kIntensityOffset) * ratio - kIntensityOffset);
+            result[i] =
+                static_cast<float>((blurry[i] + kIntensityOffset) * ratio - kIntensityOffset);
         }
     }
     return result;

@@ -25,9 +25,9 @@ struct DeblurOptions {
     std::optional<EdiThresholds> thresholds;
 };
 
-/// The library's main entry: a motion-blurred frame and the events of its exposure to sharp frames at any
-/// times of the exposure. One object serves one image size; a program is recorded at the first frame
-/// and replayed as long as the number of times stays.
+/// The library's main entry: a motion-blurred frame and the events of its exposure to sharp frames
+/// at any times of the exposure. One object serves one image size; a program is recorded at the
+/// first frame and replayed as long as the number of times stays.
 class Deblur {
 public:
     /// Throws Error: bad_input for a model that cannot be found or read, usage for options that the
@@ -39,8 +39,8 @@ public:
     Deblur& operator=(Deblur&&) = delete;
 
     /// blurry: height x width luminance in 0 ... 1. events: sorted by time, coordinates inside the
-    /// image; those outside the exposure are ignored, and without any left every frame is the blurry
-    /// one. times: normalised, -1 the start and 1 the end of the exposure, in any order.
+    /// image; those outside the exposure are ignored, and without any left every frame is the
+    /// blurry one. times: normalised, -1 the start and 1 the end of the exposure, in any order.
     /// Returns times x height x width in the order of `times`, not clipped.
     std::vector<float> frames(std::span<const float> blurry, const EventView& events,
                               const Exposure& exposure, std::span<const double> times);
@@ -57,13 +57,13 @@ private:
 /// count times evenly from -1 to 1, both included; {0} for one.
 std::vector<double> even_times(uint32_t count);
 
-/// Where a model's weights are: the path itself if it ends in .safetensors, else the shipped model of
-/// that name in the installation this program belongs to, or in the build tree.
-/// Throws Error(bad_input) naming the places looked at and the models that there are.
+/// Where a model's weights are: the path itself if it ends in .safetensors, else the shipped model
+/// of that name in the installation this program belongs to, or in the build tree. Throws
+/// Error(bad_input) naming the places looked at and the models that there are.
 std::filesystem::path find_model(const std::string& name);
 
-/// Colour from a deblurred luminance: c + e = (b_c + e) (l + e) / (b_y + e), e = 0.01, for each pixel and
-/// channel. blurry: pixels x channels; luminance_blurry, luminance: one value a pixel.
+/// Colour from a deblurred luminance: c + e = (b_c + e) (l + e) / (b_y + e), e = 0.01, for each
+/// pixel and channel. blurry: pixels x channels; luminance_blurry, luminance: one value a pixel.
 std::vector<float> recolour(std::span<const float> blurry, std::span<const float> luminance_blurry,
                             std::span<const float> luminance, uint32_t channels);
 

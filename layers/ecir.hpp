@@ -11,17 +11,18 @@ namespace ecir {
 
 /// How a network was trained, from the metadata of its weights file.
 struct EcirConfig {
-    bool release = false;     ///< variant `release`: the published code's rules; else `paper`
-    uint32_t keypoints = 10;  ///< n
-    uint32_t bins = 40;       ///< histogram channels m, two for each interval
-    uint32_t iterations = 3;  ///< of the refinement
-    double span = 1;          ///< release: the U-Net's histogram covers [-span, span]
+    bool release = false;    ///< variant `release`: the published code's rules; else `paper`
+    uint32_t keypoints = 10; ///< n
+    uint32_t bins = 40;      ///< histogram channels m, two for each interval
+    uint32_t iterations = 3; ///< of the refinement
+    double span = 1;         ///< release: the U-Net's histogram covers [-span, span]
 
     /// Throws Error(bad_input) for metadata that is missing or out of range.
     explicit EcirConfig(const SafeTensors& weights);
 };
 
-/// The system of the paper (figure 3): histogram and keypoints of the events, U-Net, curve, refinement.
+/// The system of the paper (figure 3): histogram and keypoints of the events, U-Net, curve,
+/// refinement.
 class EcirMethod : public Method {
 public:
     /// `refine` replaces the trained number of iterations; 0 gives the initialisation alone.

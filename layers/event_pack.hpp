@@ -24,8 +24,8 @@ struct PackedEvents {
     std::vector<float> time;    ///< float32(normalised_time)
     std::vector<uint32_t> mark; ///< polarity << 31 | ordinal of the event in the time-sorted input
     std::vector<int32_t> tick;  ///< microseconds since the exposure's start
-    /// [size() + 1]: positive events before each, so that any range of a pixel's events is counted by
-    /// a difference
+    /// [size() + 1]: positive events before each, so that any range of a pixel's events is counted
+    /// by a difference
     std::vector<uint32_t> positives;
     [[nodiscard]] size_t size() const { return mark.size(); }
 };

@@ -90,7 +90,8 @@ std::vector<IntervalRange> release_intervals(const EventView& events, const Expo
 }
 
 void record_event_histogram(Program& program, const Tensor& offsets, const Tensor& marks,
-                            const Tensor& positives, const Tensor& intervals, const Tensor& counts) {
+                            const Tensor& positives, const Tensor& intervals,
+                            const Tensor& counts) {
     const Layout& layout = counts.layout();
     const uint32_t pixels = layout.width * layout.height;
     if (intervals.layout().width != layout.channels || layout.channels % 2 != 0 ||
@@ -107,7 +108,8 @@ void record_event_histogram(Program& program, const Tensor& offsets, const Tenso
         const Tensor view = counts.channels(first, count);
         Dispatch dispatch;
         dispatch.kernel = &kernel;
-        dispatch.arguments = {read(offsets), read(marks), read(positives), read(intervals), write(view)};
+        dispatch.arguments = {read(offsets), read(marks), read(positives), read(intervals),
+                              write(view)};
         dispatch.set_push(Push{PushLayout(view), layout.width, layout.height, first / 2, count / 2,
                                padded_channels(view.layout())});
         dispatch.groups = pixel_groups(layout);

@@ -50,7 +50,8 @@ fs::path find_model(const std::string& name) {
     for (const std::string& other : known) {
         message += ", " + other;
     }
-    throw Error(ExitCode::bad_input, message + " (or give the path of a .safetensors file); looked in" + places);
+    throw Error(ExitCode::bad_input,
+                message + " (or give the path of a .safetensors file); looked in" + places);
 }
 
 } // namespace ecir

@@ -30,7 +30,9 @@ constexpr std::array kOperations = {
 
 } // namespace
 
-std::span<const Operation> operations() { return kOperations; }
+std::span<const Operation> operations() {
+    return kOperations;
+}
 
 TrialResult run_trial(const Operation& operation, Device& device, uint32_t index) {
     const Trial trial = operation.make(device, index);
@@ -47,11 +49,12 @@ TrialResult run_trial(const Operation& operation, Device& device, uint32_t index
         largest = std::max(largest, std::abs(trial.reference[i]));
         error = std::max(error, std::abs(double{values[i]} - trial.reference[i]));
     }
-    result.error = result.ok ? error / std::max(largest, 1e-30)
-                             : std::numeric_limits<double>::infinity();
+    result.error =
+        result.ok ? error / std::max(largest, 1e-30) : std::numeric_limits<double>::infinity();
     // Whatever is not a pixel is halo or channel padding, where the next layer expects zeros.
     const auto clean = from_dense(layout, values);
-    result.ok = result.ok && result.error <= operation.tolerance && std::ranges::equal(clean, memory);
+    result.ok =
+        result.ok && result.error <= operation.tolerance && std::ranges::equal(clean, memory);
     return result;
 }
 

@@ -10,8 +10,8 @@
 
 namespace ecir {
 
-/// One random case of an operation: the finished program with its inputs written, and what it should
-/// compute.
+/// One random case of an operation: the finished program with its inputs written, and what it
+/// should compute.
 struct Trial {
     std::string shape; ///< for people, for example "3x3 s1 9->32 33x17"
     std::unique_ptr<Program> program;
@@ -35,13 +35,15 @@ std::span<const Operation> operations();
 struct TrialResult {
     std::string shape;
     double error = 0; ///< relative to the largest |reference|
-    bool ok = false;  ///< error within tolerance, everything finite, the halo of the output still zero
+    bool ok =
+        false; ///< error within tolerance, everything finite, the halo of the output still zero
 };
 
 /// Runs one case and compares.
 TrialResult run_trial(const Operation& operation, Device& device, uint32_t trial);
 
-/// Elements of a tensor's memory as dense channels x height x width, and back (halo and padding zero).
+/// Elements of a tensor's memory as dense channels x height x width, and back (halo and padding
+/// zero).
 std::vector<float> to_dense(const Layout& layout, std::span<const float> memory);
 std::vector<float> from_dense(const Layout& layout, std::span<const float> dense);
 

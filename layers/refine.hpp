@@ -15,12 +15,11 @@ inline constexpr uint32_t residual_channels(uint32_t interval) {
     return interval == 0 ? 8 : 9;
 }
 
-/// Records the input of the residual network of `interval`. A gradient is the left (upper) neighbour less
-/// the pixel, 0 in the first column (row).
-/// frames     d frames, any layout
-/// counts     2 (d - 1) event counts, any layout
-/// residuals  d - 1 residuals, any layout; read for interval > 0 only
-/// input      output of residual_channels(interval) channels, any layout; the halo and what fills up the
+/// Records the input of the residual network of `interval`. A gradient is the left (upper)
+/// neighbour less the pixel, 0 in the first column (row). frames     d frames, any layout counts 2
+/// (d - 1) event counts, any layout residuals  d - 1 residuals, any layout; read for interval > 0
+/// only input      output of residual_channels(interval) channels, any layout; the halo and what
+/// fills up the
 ///            last block are left alone
 void record_refine_input(Program& program, const Tensor& frames, const Tensor& counts,
                          const Tensor& residuals, uint32_t interval, const Tensor& input);

@@ -18,15 +18,16 @@ uint32_t hidden_channels(const SafeTensors& weights, const std::string& name) {
 
 Refinement::Pair::Pair(Device& device, const SafeTensors& weights, const std::string& name,
                        uint32_t channels)
-    : expand(device,
-             {.out_channels = hidden_channels(weights, name + ".0.weight"), .kernel = 3, .relu = true},
-             {channel_range(0, channels)},
-             weights.get(name + ".0.weight",
-                         {hidden_channels(weights, name + ".0.weight"), channels, 3, 3}),
-             {}),
-      project(device, hidden_channels(weights, name + ".0.weight"), 3,
-              weights.get(name + ".2.weight",
-                          {1, hidden_channels(weights, name + ".0.weight"), 3, 3})),
+    : expand(
+          device,
+          {.out_channels = hidden_channels(weights, name + ".0.weight"), .kernel = 3, .relu = true},
+          {channel_range(0, channels)},
+          weights.get(name + ".0.weight",
+                      {hidden_channels(weights, name + ".0.weight"), channels, 3, 3}),
+          {}),
+      project(
+          device, hidden_channels(weights, name + ".0.weight"), 3,
+          weights.get(name + ".2.weight", {1, hidden_channels(weights, name + ".0.weight"), 3, 3})),
       hidden(hidden_channels(weights, name + ".0.weight")) {}
 
 void Refinement::Pair::record(Program& program, const Tensor& input, const Tensor& output) const {
@@ -57,8 +58,8 @@ void Refinement::record(Program& program, const Tensor& initial, const Tensor& c
         return made;
     };
     const std::array<Tensor, 2> steps = {cleared(frames), cleared(frames)};
-    const Tensor residuals = program.temporary(
-        {std::max(count, 2U) - 1, frames.height, frames.width, 1, 0});
+    const Tensor residuals =
+        program.temporary({std::max(count, 2U) - 1, frames.height, frames.width, 1, 0});
     const std::array<Tensor, 2> inputs = {
         cleared({residual_channels(0), frames.height, frames.width, block, 1}),
         cleared({residual_channels(1), frames.height, frames.width, block, 1})};

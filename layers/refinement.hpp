@@ -5,17 +5,19 @@
 
 namespace ecir {
 
-/// The refinement (algorithm 1 of the paper) from the tensors `refine.*` of a weights file: recurrent
-/// residuals between neighbouring frames, gradient steps on equation 8, and a polish of each frame.
+/// The refinement (algorithm 1 of the paper) from the tensors `refine.*` of a weights file:
+/// recurrent residuals between neighbouring frames, gradient steps on equation 8, and a polish of
+/// each frame.
 class Refinement {
 public:
     /// Throws Error(bad_input) naming the tensor that is missing or of a wrong shape.
     Refinement(Device& device, const SafeTensors& weights);
 
-    /// initial: d frames in order of time, block 1, halo 1 (zeros); counts: 2 (d - 1) event counts between
-    /// them, any layout, not looked at when d = 1; refined: d frames, block 1, its halo is not written.
-    void record(Program& program, const Tensor& initial, const Tensor& counts, const Tensor& refined,
-                uint32_t iterations) const;
+    /// initial: d frames in order of time, block 1, halo 1 (zeros); counts: 2 (d - 1) event counts
+    /// between them, any layout, not looked at when d = 1; refined: d frames, block 1, its halo is
+    /// not written.
+    void record(Program& program, const Tensor& initial, const Tensor& counts,
+                const Tensor& refined, uint32_t iterations) const;
 
 private:
     /// conv3x3 to hidden channels, ReLU, conv3x3 to one channel.
@@ -24,7 +26,8 @@ private:
         ConvPlane project;
         uint32_t hidden;
 
-        Pair(Device& device, const SafeTensors& weights, const std::string& name, uint32_t channels);
+        Pair(Device& device, const SafeTensors& weights, const std::string& name,
+             uint32_t channels);
         void record(Program& program, const Tensor& input, const Tensor& output) const;
     };
 

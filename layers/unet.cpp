@@ -27,8 +27,11 @@ Conv folded(Device& device, const SafeTensors& weights, const std::string& conv,
             value = static_cast<float>(value * scale);
         }
     }
-    return {device, {.out_channels = channels, .kernel = 3, .relu = true}, {channel_range(0, channels)},
-            weight, bias};
+    return {device,
+            {.out_channels = channels, .kernel = 3, .relu = true},
+            {channel_range(0, channels)},
+            weight,
+            bias};
 }
 
 /// Output channels of a convolution, read from its weight.
@@ -62,7 +65,8 @@ UNet::UNet(Device& device, const SafeTensors& weights, uint32_t bins, uint32_t k
         encoders_.emplace_back(
             device, ConvDesc{.out_channels = out, .kernel = 5, .stride = 2, .relu = true},
             encoders_.empty() ? input : std::vector<ChannelMap>{channel_range(0, channels)},
-            weights.get(name + ".weight", {out, channels, 5, 5}), weights.get(name + ".bias", {out}));
+            weights.get(name + ".weight", {out, channels, 5, 5}),
+            weights.get(name + ".bias", {out}));
         widths_.push_back(out);
         channels = out;
     }
@@ -80,7 +84,8 @@ UNet::UNet(Device& device, const SafeTensors& weights, uint32_t bins, uint32_t k
         }
         decoders_.emplace_back(
             device,
-            ConvDesc{.out_channels = out, .kernel = 5, .stride = 2, .transposed = true, .relu = true},
+            ConvDesc{
+                .out_channels = out, .kernel = 5, .stride = 2, .transposed = true, .relu = true},
             maps, weights.get(name, {channels + skip, out, 5, 5}), std::span<const float>{});
         decoder_widths_.push_back(out);
         channels = out;
@@ -126,7 +131,8 @@ Tensor UNet::record(Program& program, const Tensor& blurry, const Tensor& histog
         x = outer;
     }
     for (size_t i = 0; i < decoders_.size(); ++i) {
-        const size_t level = decoders_.size() - i; // of the encoder whose output has this input's size
+        const size_t level =
+            decoders_.size() - i; // of the encoder whose output has this input's size
         inputs = level == decoders_.size() ? std::vector{x} : std::vector{x, levels[level - 1]};
         const Layout& size = level == 1 ? blurry.layout() : levels[level - 2].layout();
         x = tensor(decoder_widths_[i], size.height, size.width, level == 1 ? 0 : 1);

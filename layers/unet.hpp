@@ -8,13 +8,13 @@
 
 namespace ecir {
 
-/// The U-Net of the initialisation (figure 3 of the paper): blurry frame, event histogram and keypoints
-/// to dL/dt at the keypoints, from the tensors `unet.*` of a weights file, of any width. Batch norms are
-/// folded into the convolutions before them.
+/// The U-Net of the initialisation (figure 3 of the paper): blurry frame, event histogram and
+/// keypoints to dL/dt at the keypoints, from the tensors `unet.*` of a weights file, of any width.
+/// Batch norms are folded into the convolutions before them.
 class UNet {
 public:
-    /// `bins` histogram channels, `keypoints` outputs. Throws Error(bad_input) naming the tensor that is
-    /// missing or of a wrong shape.
+    /// `bins` histogram channels, `keypoints` outputs. Throws Error(bad_input) naming the tensor
+    /// that is missing or of a wrong shape.
     UNet(Device& device, const SafeTensors& weights, uint32_t bins, uint32_t keypoints);
 
     /// blurry: 1 channel, histogram: `bins`, keypoints: `keypoints`, all with the halo kInputHalo.

@@ -8,7 +8,8 @@ namespace ecir {
 ArenaPlan plan_arena(const std::vector<Lifetime>& blocks, uint64_t alignment) {
     std::vector<size_t> order(blocks.size());
     std::iota(order.begin(), order.end(), size_t{0});
-    std::ranges::stable_sort(order, [&](size_t a, size_t b) { return blocks[a].bytes > blocks[b].bytes; });
+    std::ranges::stable_sort(order,
+                             [&](size_t a, size_t b) { return blocks[a].bytes > blocks[b].bytes; });
 
     ArenaPlan plan;
     plan.offsets.resize(blocks.size());

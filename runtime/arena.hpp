@@ -16,8 +16,8 @@ struct ArenaPlan {
     uint64_t bytes = 0;            ///< of the whole arena
 };
 
-/// Places blocks so that two that live at the same time never overlap: the largest first, each at the
-/// lowest free offset (a multiple of `alignment`).
+/// Places blocks so that two that live at the same time never overlap: the largest first, each at
+/// the lowest free offset (a multiple of `alignment`).
 ArenaPlan plan_arena(const std::vector<Lifetime>& blocks, uint64_t alignment);
 
 } // namespace ecir

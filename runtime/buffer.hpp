@@ -15,8 +15,8 @@ class Device;
 class Buffer {
 public:
     enum class Place {
-        device, ///< fastest for kernels; filled and read through staging copies
-        upload, ///< mapped, written by the host
+        device,   ///< fastest for kernels; filled and read through staging copies
+        upload,   ///< mapped, written by the host
         readback, ///< mapped, read by the host
     };
 

@@ -156,15 +156,17 @@ size_t choose(const std::vector<DeviceInfo>& devices, const std::string& selecto
     }
     std::string message = "no Vulkan device matches '" + selector + "'; there are";
     for (const DeviceInfo& device : devices) {
-        message += (&device == &devices.front() ? " " : ", ") + std::to_string(device.index) + ": " +
-                   device.name + " (" + device.type + ")";
+        message += (&device == &devices.front() ? " " : ", ") + std::to_string(device.index) +
+                   ": " + device.name + " (" + device.type + ")";
     }
     throw Error(ExitCode::device, message);
 }
 
 } // namespace
 
-std::vector<DeviceInfo> Device::list() { return describe_all(*Instance::shared()); }
+std::vector<DeviceInfo> Device::list() {
+    return describe_all(*Instance::shared());
+}
 
 std::shared_ptr<Device> Device::open(const std::string& selector) {
     auto instance = Instance::shared();
@@ -224,11 +226,12 @@ const Kernel& Device::kernel(std::string_view shader, std::span<const uint32_t> 
     const Kernel& kernel = kernels_->get(shader, constants);
     const Reflection& found = kernel.reflection();
     if (found.bindings.size() != bindings || found.push_bytes != push_bytes) {
-        throw Error(ExitCode::device,
-                    "shader " + std::string(shader) + " declares " +
-                        std::to_string(found.bindings.size()) + " bindings and " +
-                        std::to_string(found.push_bytes) + " push-constant bytes, but its layer gives " +
-                        std::to_string(bindings) + " and " + std::to_string(push_bytes));
+        throw Error(ExitCode::device, "shader " + std::string(shader) + " declares " +
+                                          std::to_string(found.bindings.size()) + " bindings and " +
+                                          std::to_string(found.push_bytes) +
+                                          " push-constant bytes, but its layer gives " +
+                                          std::to_string(bindings) + " and " +
+                                          std::to_string(push_bytes));
     }
     return kernel;
 }

@@ -27,7 +27,7 @@ struct DeviceInfo {
     bool storage16 = false;      ///< 16-bit values in storage buffers
     bool float16 = false;        ///< float16 arithmetic
     bool timestamps = false;
-    double timestamp_ns = 1;     ///< nanoseconds a timestamp tick
+    double timestamp_ns = 1; ///< nanoseconds a timestamp tick
     uint64_t max_storage_range = 0;
     uint64_t max_uniform_range = 0;
     uint32_t max_push_bytes = 0;
@@ -57,9 +57,10 @@ public:
     [[nodiscard]] VkQueue queue() const { return queue_; }
     [[nodiscard]] uint32_t queue_family() const { return queue_family_; }
 
-    /// The kernel `shader` (a file name in shaders/ without .comp) with its specialization constants
-    /// 0, 1, ... set, made once and kept. Its bindings and push-constant block are reflected from the
-    /// SPIR-V; throws Error(device) when they do not match what the caller expects.
+    /// The kernel `shader` (a file name in shaders/ without .comp) with its specialization
+    /// constants 0, 1, ... set, made once and kept. Its bindings and push-constant block are
+    /// reflected from the SPIR-V; throws Error(device) when they do not match what the caller
+    /// expects.
     const Kernel& kernel(std::string_view shader, std::span<const uint32_t> constants,
                          uint32_t bindings, uint32_t push_bytes);
 

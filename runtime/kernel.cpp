@@ -78,8 +78,9 @@ Reflection reflect(std::string_view name, std::span<const uint32_t> spirv) {
                 {spvc_compiler_get_decoration(compiler, item.id, SpvDecorationBinding), uniform});
         }
     }
-    for (const auto type : {SPVC_RESOURCE_TYPE_STORAGE_IMAGE, SPVC_RESOURCE_TYPE_SAMPLED_IMAGE,
-                            SPVC_RESOURCE_TYPE_SEPARATE_IMAGE, SPVC_RESOURCE_TYPE_SEPARATE_SAMPLERS}) {
+    for (const auto type :
+         {SPVC_RESOURCE_TYPE_STORAGE_IMAGE, SPVC_RESOURCE_TYPE_SAMPLED_IMAGE,
+          SPVC_RESOURCE_TYPE_SEPARATE_IMAGE, SPVC_RESOURCE_TYPE_SEPARATE_SAMPLERS}) {
         if (!list(type).empty()) {
             bad_shader(name, "uses images or samplers; the runtime binds buffers only");
         }
@@ -92,9 +93,10 @@ Reflection reflect(std::string_view name, std::span<const uint32_t> spirv) {
     }
     for (const auto& item : list(SPVC_RESOURCE_TYPE_PUSH_CONSTANT)) {
         size_t bytes = 0;
-        spvc_check(spvc_compiler_get_declared_struct_size(
-                       compiler, spvc_compiler_get_type_handle(compiler, item.base_type_id), &bytes),
-                   name, "spvc_compiler_get_declared_struct_size");
+        spvc_check(
+            spvc_compiler_get_declared_struct_size(
+                compiler, spvc_compiler_get_type_handle(compiler, item.base_type_id), &bytes),
+            name, "spvc_compiler_get_declared_struct_size");
         result.push_bytes = static_cast<uint32_t>(bytes);
     }
     return result;
@@ -208,12 +210,14 @@ KernelCache::~KernelCache() {
 }
 
 const Kernel& KernelCache::get(std::string_view name, std::span<const uint32_t> constants) {
-    auto key = std::pair(std::string(name), std::vector<uint32_t>(constants.begin(), constants.end()));
+    auto key =
+        std::pair(std::string(name), std::vector<uint32_t>(constants.begin(), constants.end()));
     const auto found = kernels_.find(key);
     if (found != kernels_.end()) {
         return found->second;
     }
-    return kernels_.try_emplace(std::move(key), device_, name, constants, cache_.get()).first->second;
+    return kernels_.try_emplace(std::move(key), device_, name, constants, cache_.get())
+        .first->second;
 }
 
 } // namespace ecir

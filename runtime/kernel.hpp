@@ -23,8 +23,9 @@ struct Reflection {
     uint32_t push_bytes = 0;
 };
 
-/// Reads bindings and push-constant size. Throws Error(device) for a shader outside the conventions:
-/// descriptor set 0 only, bindings numbered without gaps, storage and uniform buffers only.
+/// Reads bindings and push-constant size. Throws Error(device) for a shader outside the
+/// conventions: descriptor set 0 only, bindings numbered without gaps, storage and uniform buffers
+/// only.
 Reflection reflect(std::string_view name, std::span<const uint32_t> spirv);
 
 /// SPIR-V of a shader built into the library; throws Error(device) for an unknown name.

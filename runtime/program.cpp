@@ -14,7 +14,6 @@ uint64_t align(uint64_t value) {
     return (value + kBindingAlignment - 1) / kBindingAlignment * kBindingAlignment;
 }
 
-
 } // namespace
 
 Tensor Program::make(Kind kind, const Layout& layout) {
@@ -23,9 +22,15 @@ Tensor Program::make(Kind kind, const Layout& layout) {
     return tensor;
 }
 
-Tensor Program::input(const Layout& layout) { return make(Kind::input, layout); }
-Tensor Program::output(const Layout& layout) { return make(Kind::output, layout); }
-Tensor Program::temporary(const Layout& layout) { return make(Kind::temporary, layout); }
+Tensor Program::input(const Layout& layout) {
+    return make(Kind::input, layout);
+}
+Tensor Program::output(const Layout& layout) {
+    return make(Kind::output, layout);
+}
+Tensor Program::temporary(const Layout& layout) {
+    return make(Kind::temporary, layout);
+}
 
 void Program::touch(const Tensor& tensor, uint32_t step) {
     Slot& slot = slots_.at(tensor.id());
@@ -141,8 +146,7 @@ std::span<const float> Program::read(const Tensor& output) const {
     if (slot.kind != Kind::output) {
         throw Error(ExitCode::device, "program: only outputs can be read");
     }
-    const auto* values =
-        reinterpret_cast<const float*>(readback_.mapped() + slot.staging_offset);
+    const auto* values = reinterpret_cast<const float*>(readback_.mapped() + slot.staging_offset);
     return {values, slot.bytes / 4};
 }
 

@@ -23,9 +23,15 @@ struct Argument {
     uint64_t offset = 0; ///< of a buffer: where the kernel's view of it starts
     Access access = Access::read;
 };
-inline Argument read(const Tensor& tensor) { return {tensor, {}, 0, Access::read}; }
-inline Argument write(const Tensor& tensor) { return {tensor, {}, 0, Access::write}; }
-inline Argument update(const Tensor& tensor) { return {tensor, {}, 0, Access::update}; }
+inline Argument read(const Tensor& tensor) {
+    return {tensor, {}, 0, Access::read};
+}
+inline Argument write(const Tensor& tensor) {
+    return {tensor, {}, 0, Access::write};
+}
+inline Argument update(const Tensor& tensor) {
+    return {tensor, {}, 0, Access::update};
+}
 inline Argument constant(std::shared_ptr<const Buffer> buffer, uint64_t offset = 0) {
     return {{}, std::move(buffer), offset, Access::read};
 }
@@ -85,8 +91,8 @@ public:
     /// Fills a whole tensor with zeros.
     void clear(const Tensor& tensor);
 
-    /// Plans the memory and records. Throws Error(resources) with both figures when the arena, or one
-    /// tensor, is more than the device has; nothing has run by then.
+    /// Plans the memory and records. Throws Error(resources) with both figures when the arena, or
+    /// one tensor, is more than the device has; nothing has run by then.
     void finish();
 
     /// Data of an input: dense channels x height x width (or a shorter prefix of it).
@@ -156,8 +162,8 @@ private:
     Buffer upload_;
     Buffer readback_;
     Handle<VkDescriptorPool> descriptor_pool_;
-    std::vector<VkDescriptorSet> sets_;             ///< by step
-    std::vector<std::vector<uint32_t>> dynamic_;    ///< dynamic uniform offsets by step
+    std::vector<VkDescriptorSet> sets_;          ///< by step
+    std::vector<std::vector<uint32_t>> dynamic_; ///< dynamic uniform offsets by step
     Recording recording_;
 };
 

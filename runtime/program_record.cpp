@@ -26,8 +26,7 @@ void memory_barrier(VkCommandBuffer commands) {
     barrier.srcAccessMask = VK_ACCESS_SHADER_WRITE_BIT | VK_ACCESS_TRANSFER_WRITE_BIT;
     barrier.dstAccessMask = VK_ACCESS_SHADER_READ_BIT | VK_ACCESS_SHADER_WRITE_BIT |
                             VK_ACCESS_TRANSFER_READ_BIT | VK_ACCESS_TRANSFER_WRITE_BIT;
-    constexpr auto kStages =
-        VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT | VK_PIPELINE_STAGE_TRANSFER_BIT;
+    constexpr auto kStages = VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT | VK_PIPELINE_STAGE_TRANSFER_BIT;
     vkCmdPipelineBarrier(commands, kStages, kStages, 0, 1, &barrier, 0, nullptr, 0, nullptr);
 }
 
@@ -207,14 +206,14 @@ Program::Recording Program::record(VkQueryPool queries) {
     if (queries != VK_NULL_HANDLE) {
         vkCmdResetQueryPool(commands, queries, 0, static_cast<uint32_t>(steps_.size()) + 1);
     }
-    // Bytes touched since the last barrier. A replay starts after the one before it has been waited for.
+    // Bytes touched since the last barrier. A replay starts after the one before it has been waited
+    // for.
     std::vector<Range> open;
     for (const Slot& slot : slots_) {
         if (slot.kind == Kind::input) {
             const VkBufferCopy copy{slot.staging_offset, slot.offset, slot.bytes};
             vkCmdCopyBuffer(commands, upload_.handle(), arena_.handle(), 1, &copy);
-            open.push_back(
-                {arena_.handle(), slot.offset, slot.offset + slot.bytes, Access::write});
+            open.push_back({arena_.handle(), slot.offset, slot.offset + slot.bytes, Access::write});
         }
     }
     if (queries != VK_NULL_HANDLE) {
@@ -259,7 +258,9 @@ Program::Recording Program::record(VkQueryPool queries) {
     return recording;
 }
 
-void Program::run() { device_.submit(recording_.commands); }
+void Program::run() {
+    device_.submit(recording_.commands);
+}
 
 std::vector<DispatchTime> Program::profile() {
     if (!device_.info().timestamps) {
@@ -282,10 +283,10 @@ std::vector<DispatchTime> Program::profile() {
     std::vector<DispatchTime> times;
     for (size_t i = 0; i < steps_.size(); ++i) {
         const Dispatch& dispatch = steps_[i].dispatch;
-        times.push_back({dispatch.label,
-                         static_cast<double>(ticks[i + 1] - ticks[i]) *
-                             device_.info().timestamp_ns * 1e-6,
-                         dispatch.flops, dispatch.bytes});
+        times.push_back(
+            {dispatch.label,
+             static_cast<double>(ticks[i + 1] - ticks[i]) * device_.info().timestamp_ns * 1e-6,
+             dispatch.flops, dispatch.bytes});
     }
     return times;
 }

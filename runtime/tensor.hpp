@@ -4,8 +4,8 @@
 namespace ecir {
 
 /// How channels x height x width 4-byte values lie in memory:
-/// [ceil(channels / block)][height + 2 halo][pitch][block], with `halo` zero rows above and below and
-/// zero columns at both sides, so that a convolution reads over the border without a test.
+/// [ceil(channels / block)][height + 2 halo][pitch][block], with `halo` zero rows above and below
+/// and zero columns at both sides, so that a convolution reads over the border without a test.
 /// block 1 and halo 0 is the dense planar form in which data goes up and down.
 struct Layout {
     uint32_t channels = 1;
@@ -20,7 +20,9 @@ struct Layout {
     /// Elements from one pixel row to the next.
     [[nodiscard]] uint64_t row_stride() const { return uint64_t{row_pixels()} * block; }
     /// Elements from one channel block to the next.
-    [[nodiscard]] uint64_t plane_stride() const { return (height + 2 * uint64_t{halo}) * row_stride(); }
+    [[nodiscard]] uint64_t plane_stride() const {
+        return (height + 2 * uint64_t{halo}) * row_stride();
+    }
     /// Element of channel 0 at (0, 0).
     [[nodiscard]] uint64_t origin() const { return halo * row_stride() + uint64_t{halo} * block; }
     [[nodiscard]] uint64_t elements() const { return blocks() * plane_stride(); }
@@ -59,8 +61,8 @@ private:
 /// The alignment of storage bindings that every Vulkan device accepts.
 constexpr uint64_t kBindingAlignment = 256;
 
-/// A tensor's layout as the shaders see it (struct TensorLayout in shaders/tensor.glsl). A view binds
-/// from the last aligned byte before it; `origin` bridges the rest.
+/// A tensor's layout as the shaders see it (struct TensorLayout in shaders/tensor.glsl). A view
+/// binds from the last aligned byte before it; `origin` bridges the rest.
 struct PushLayout {
     uint32_t origin = 0;
     uint32_t row = 0;

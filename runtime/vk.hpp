@@ -14,8 +14,7 @@ template <typename T> class Handle {
 public:
     Handle() = default;
     template <typename Owner>
-    Handle(T object, Owner owner,
-           void(VKAPI_PTR* destroy)(Owner, T, const VkAllocationCallbacks*))
+    Handle(T object, Owner owner, void(VKAPI_PTR* destroy)(Owner, T, const VkAllocationCallbacks*))
         : object_(object), owner_(reinterpret_cast<void*>(owner)),
           destroy_(reinterpret_cast<Destroy>(destroy)) {}
     ~Handle() { reset(); }

@@ -28,7 +28,7 @@ namespace fs = std::filesystem;
 using Arguments = std::vector<std::string>;
 
 struct Outcome {
-    int code = -1;  ///< exit code; 128 + the signal that ended it
+    int code = -1; ///< exit code; 128 + the signal that ended it
     std::string out;
     std::string err;
 };
@@ -36,8 +36,8 @@ struct Outcome {
 /// What surrounds a run, beside its arguments.
 struct Surroundings {
     std::vector<std::pair<std::string, std::string>> environment;
-    fs::path folder;         ///< working folder
-    rlim_t largest_file = 0; ///< bytes that a file may have; 0: no bound
+    fs::path folder;          ///< working folder
+    rlim_t largest_file = 0;  ///< bytes that a file may have; 0: no bound
     bool full_output = false; ///< stdout is a full disk
 };
 
@@ -108,8 +108,8 @@ inline Outcome must(const Arguments& arguments, const Surroundings& around = {})
     return outcome;
 }
 
-/// A run that must fail with this code and one line on stderr, last of all, that begins with `ecir:`
-/// and has every one of the parts.
+/// A run that must fail with this code and one line on stderr, last of all, that begins with
+/// `ecir:` and has every one of the parts.
 inline void must_fail(int code, const Arguments& arguments,
                       std::initializer_list<std::string> parts, const Surroundings& around = {}) {
     const Outcome outcome = run_ecir(arguments, around);
@@ -160,17 +160,20 @@ inline io::Image still(int channels, int bits = 8) {
     image.bits = bits;
     for (int y = 0; y < image.height; ++y) {
         for (int x = 0; x < image.width; ++x) {
-            const double wave = std::sin(0.35 * x) * std::cos(0.28 * y) + 0.3 * std::sin(0.9 * y - x);
+            const double wave =
+                std::sin(0.35 * x) * std::cos(0.28 * y) + 0.3 * std::sin(0.9 * y - x);
             const double disc = std::hypot(x - 40, y - 35) < 18 ? 0.25 : 0;
             for (int c = 0; c < channels; ++c) {
-                image.pixels.push_back(static_cast<float>(0.4 + 0.15 * wave + disc * (1 - 0.3 * c)));
+                image.pixels.push_back(
+                    static_cast<float>(0.4 + 0.15 * wave + disc * (1 - 0.3 * c)));
             }
         }
     }
     return image;
 }
 
-/// Simulates that picture moving; the scene is a recording of `count` exposures of 50 ms from kStart.
+/// Simulates that picture moving; the scene is a recording of `count` exposures of 50 ms from
+/// kStart.
 inline void make_scene(const fs::path& still_path, const fs::path& scene, int channels,
                        const Arguments& more = {}) {
     io::write_image(still_path, still(channels));
@@ -203,10 +206,18 @@ struct Scene {
     [[nodiscard]] Arguments deblur(const std::string& out, const Arguments& more = {}) const {
         return deblur_of(blurry, events, out, more);
     }
-    static Arguments deblur_of(const fs::path& image, const fs::path& events, const std::string& out,
-                               const Arguments& more = {}) {
-        return Arguments{"deblur", "-i", image.string(), "-e", events.string(), "--exposure",
-                         std::to_string(kStart), std::to_string(kEnd), "-o", out} +
+    static Arguments deblur_of(const fs::path& image, const fs::path& events,
+                               const std::string& out, const Arguments& more = {}) {
+        return Arguments{"deblur",
+                         "-i",
+                         image.string(),
+                         "-e",
+                         events.string(),
+                         "--exposure",
+                         std::to_string(kStart),
+                         std::to_string(kEnd),
+                         "-o",
+                         out} +
                more;
     }
 };

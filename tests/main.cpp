@@ -5,7 +5,8 @@
 
 #include "runtime/instance.hpp"
 
-// Any message of the validation layer fails the run, also one that comes when devices are destroyed.
+// Any message of the validation layer fails the run, also one that comes when devices are
+// destroyed.
 int main(int argc, char** argv) {
     doctest::Context context(argc, argv);
     const int result = context.run();

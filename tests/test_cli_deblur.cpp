@@ -9,7 +9,9 @@ using namespace ecir::test;
 
 namespace {
 
-io::Array array(const std::string& path) { return io::read_npy(path); }
+io::Array array(const std::string& path) {
+    return io::read_npy(path);
+}
 
 /// Frame `index` of an array.
 std::vector<float> frame(const io::Array& all, size_t index) {
@@ -90,8 +92,9 @@ TEST_SUITE("cli deblur") {
             value += 0.3F / 255; // what 8 bits cannot hold
         }
         io::write_image(scene.folder / "deep.png", image);
-        const auto arguments = Scene::deblur_of(scene.folder / "deep.png", scene.events,
-                                                scene.result("deep"), kEdi + Arguments{"--frames", "2"});
+        const auto arguments =
+            Scene::deblur_of(scene.folder / "deep.png", scene.events, scene.result("deep"),
+                             kEdi + Arguments{"--frames", "2"});
         must(arguments);
         CHECK(io::read_image(scene.result("deep") + "/000001.png").bits == 16);
     }
@@ -139,8 +142,9 @@ TEST_SUITE("cli deblur") {
             CAPTURE(joined(method));
             const std::string name = method.empty() ? "network-" : "edi-";
             must(scene.deblur(scene.result(name + "given.npy"), method + given));
-            must(scene.deblur(scene.result(name + "sorted.npy"),
-                              method + Arguments{"--times", "-1", "-0.25", "-0.001", "0.5", "0.5", "1"}));
+            must(scene.deblur(
+                scene.result(name + "sorted.npy"),
+                method + Arguments{"--times", "-1", "-0.25", "-0.001", "0.5", "0.5", "1"}));
             const io::Array mixed = array(scene.result(name + "given.npy"));
             const io::Array sorted = array(scene.result(name + "sorted.npy"));
             const std::vector<size_t> place{3, 0, 5, 1, 2, 4};
@@ -158,26 +162,28 @@ TEST_SUITE("cli deblur") {
 
     TEST_CASE("--size sets the output's size") {
         const Scene& scene = Scene::get();
-        must(scene.deblur(scene.result("small.npy"), kEdi + Arguments{"--size", "24x20", "--frames", "3"}));
+        must(scene.deblur(scene.result("small.npy"),
+                          kEdi + Arguments{"--size", "24x20", "--frames", "3"}));
         CHECK(array(scene.result("small.npy")).shape == std::vector<size_t>{3, 20, 24});
         must(scene.deblur(scene.result("odd.npy"), {"--size", "31x23", "--frames", "2"}));
         CHECK(array(scene.result("odd.npy")).shape == std::vector<size_t>{2, 23, 31});
         // At no threshold to speak of the frames are the averaged image.
-        must(scene.deblur(scene.result("mean.npy"),
-                          {"-m", "edi", "--threshold", "0.001", "--size", "24x20", "--frames", "1"}));
+        must(scene.deblur(scene.result("area.npy"), {"-m", "edi", "--threshold", "0.001", "--size",
+                                                     "24x20", "--frames", "1"}));
         const io::Image image = io::read_image(scene.blurry);
-        const auto values = array(scene.result("mean.npy")).values;
+        const auto values = array(scene.result("area.npy")).values;
         const auto at = [&](size_t x, size_t y) { return image.pixels[y * kWidth + x]; };
         const float mean = (at(10, 8) + at(11, 8) + at(10, 9) + at(11, 9)) / 4;
         CHECK(std::abs(values[4 * 24 + 5] - mean) < 0.01F);
-        must_fail(2, scene.deblur(scene.result("no.npy"), {"--size", "24"}), {"--size '24'", "WIDTHxHEIGHT"});
+        must_fail(2, scene.deblur(scene.result("no.npy"), {"--size", "24"}),
+                  {"--size '24'", "WIDTHxHEIGHT"});
     }
 
     TEST_CASE("--refine 0 leaves the polish out") {
         const Scene& scene = Scene::get();
         must(scene.deblur(scene.result("raw.npy"), {"--refine", "0"}));
-        const double change = rms_difference(array(network_array()).values,
-                                             array(scene.result("raw.npy")).values);
+        const double change =
+            rms_difference(array(network_array()).values, array(scene.result("raw.npy")).values);
         CHECK(change > 1e-4);
         CHECK(change < 0.2);
     }
@@ -252,7 +258,8 @@ TEST_SUITE("cli deblur") {
             worst = std::max(worst, std::abs(expected - static_cast<double>(colour.values[i])));
         }
         CHECK(worst < 1e-3);
-        must(Scene::deblur_of(path, events, scene.result("colour"), kEdi + Arguments{"--frames", "2"}));
+        must(Scene::deblur_of(path, events, scene.result("colour"),
+                              kEdi + Arguments{"--frames", "2"}));
         CHECK(io::read_image(scene.result("colour") + "/000001.png").channels == 3);
         must(Scene::deblur_of(path, events, scene.result("colour.mp4"), kEdi));
     }

@@ -25,8 +25,16 @@ Arguments with_events(const fs::path& events) {
 
 Arguments at(const std::string& start, const std::string& end, const std::string& out) {
     const Scene& scene = Scene::get();
-    return Arguments{"deblur", "-i", scene.blurry.string(), "-e", scene.events.string(),
-                     "--exposure", start, end, "-o", scene.result(out)} +
+    return Arguments{"deblur",
+                     "-i",
+                     scene.blurry.string(),
+                     "-e",
+                     scene.events.string(),
+                     "--exposure",
+                     start,
+                     end,
+                     "-o",
+                     scene.result(out)} +
            kEdi;
 }
 
@@ -79,8 +87,9 @@ TEST_SUITE("cli errors") {
                   {"x.txt", "event 2", "x = 48", "48 x 40", "; "});
         must_fail(3, with_events(file("y.txt", text_events("1600000000.03 4 40 1\n"))),
                   {"y.txt", "event 2", "y = 40", "; "});
-        must_fail(3, with_events(file("back.txt", text_events("1600000000.015 4 4 1\n"
-                                                              "1600000000.001 4 4 1\n"))),
+        must_fail(3,
+                  with_events(file("back.txt", text_events("1600000000.015 4 4 1\n"
+                                                           "1600000000.001 4 4 1\n"))),
                   {"back.txt", "line 3", "1600000000015000", "sort", "; "});
         must_fail(3, with_events(file("p.txt", text_events("1600000000.03 4 4 2\n"))),
                   {"p.txt", "line 3", "polarity '2'", "; "});
@@ -123,10 +132,10 @@ TEST_SUITE("cli errors") {
         }
         const auto write = [&](const std::string& name) {
             io::write_events(scene.folder / name, more.view());
-            must(Scene::deblur_of(scene.blurry, scene.folder / name, scene.result(name + ".npy"), kEdi));
+            must(Scene::deblur_of(scene.blurry, scene.folder / name, scene.result(name + ".npy")));
             return get(scene.result(name + ".npy"));
         };
-        must(scene.deblur(scene.result("inside.npy"), kEdi));
+        must(scene.deblur(scene.result("inside.npy")));
         more.push_back(kEnd + 1, 20, 20, 1);
         CHECK(write("outside.h5") == get(scene.result("inside.npy")));
         more.t.back() = kEnd;
@@ -139,8 +148,7 @@ TEST_SUITE("cli errors") {
     TEST_CASE("an exposure without events is the blurry frame, and said") {
         const Scene& scene = Scene::get();
         const io::Image blurry = io::read_image(scene.blurry);
-        const fs::path around =
-            file("around.txt", "1599999999.9 4 4 1\n1600000000.9 4 4 0\n");
+        const fs::path around = file("around.txt", "1599999999.9 4 4 1\n1600000000.9 4 4 0\n");
         const fs::path none = file("none.txt", "48 40\n");
         io::write_events(scene.folder / "none.h5", Events{}.view());
         int number = 0;
@@ -152,7 +160,8 @@ TEST_SUITE("cli errors") {
                 CHECK(outcome.err.find("blurry_000000.png") != std::string::npos);
                 const io::Array frames = io::read_npy(out);
                 CHECK(frames.shape[0] == 14);
-                CHECK(std::equal(blurry.pixels.begin(), blurry.pixels.end(), frames.values.begin()));
+                CHECK(
+                    std::equal(blurry.pixels.begin(), blurry.pixels.end(), frames.values.begin()));
                 CHECK(std::equal(blurry.pixels.rbegin(), blurry.pixels.rend(),
                                  frames.values.rbegin()));
             }
@@ -190,8 +199,10 @@ TEST_SUITE("cli errors") {
             must_fail(3, scene.deblur((scene.folder / ("nosuch/" + name)).string(), kEdi),
                       {"nosuch/" + name, "; "});
         }
-        must_fail(2, scene.deblur(scene.folder / "plain", kEdi + Arguments{"--overwrite"}), {"plain"});
-        must_fail(2, scene.deblur(scene.folder.path(), kEdi + Arguments{"--overwrite"}), {"another output"});
+        must_fail(2, scene.deblur(scene.folder / "plain", kEdi + Arguments{"--overwrite"}),
+                  {"plain"});
+        must_fail(2, scene.deblur(scene.folder.path(), kEdi + Arguments{"--overwrite"}),
+                  {"another output"});
     }
 
     TEST_CASE("a full disk is exit 5 and leaves nothing") {
@@ -216,8 +227,8 @@ TEST_SUITE("cli errors") {
         none.environment = {{"VK_ICD_FILENAMES", "/nonexistent.json"},
                             {"VK_DRIVER_FILES", "/nonexistent.json"}};
         for (const Arguments& arguments :
-             {scene.deblur(scene.result("no")), Arguments{"devices"}, Arguments{"devices", "--json"},
-              Arguments{"verify", "--op", "curve"}}) {
+             {scene.deblur(scene.result("no")), Arguments{"devices"},
+              Arguments{"devices", "--json"}, Arguments{"verify", "--op", "curve"}}) {
             must_fail(4, arguments, {"mesa-vulkan-drivers"}, none);
         }
     }

@@ -25,7 +25,7 @@ TEST_SUITE("cli program") {
         const Outcome none = run_ecir({});
         CHECK(none.code == 2);
         CHECK(none.err.find("deblur") != std::string::npos); // the help
-        must_fail(2, {"nosuch"}, {"nosuch", "ecir --help"});
+        must_fail(2, {"nosuch"}, {"'nosuch'", "ecir --help"});
         must_fail(2, {"deblur"}, {"ecir deblur --help"});
         must_fail(2, {"devices", "--bogus"}, {"--bogus", "ecir devices --help"});
         const Scene& scene = Scene::get();
@@ -68,7 +68,8 @@ TEST_SUITE("cli program") {
             CHECK(op.at("tolerance").is_number());
             CHECK(op.at("ok") == true);
         }
-        CHECK(must({"verify", "--op", "keypoints"}).out.find("within tolerance") != std::string::npos);
+        CHECK(must({"verify", "--op", "keypoints"}).out.find("within tolerance") !=
+              std::string::npos);
         must_fail(2, {"verify", "--op", "no such operation"}, {"'no such operation'"});
         must_fail(2, {"verify", "--op", "("}, {"'('", "regular expression"});
         must_fail(4, {"verify", "-g", "no such device"}, {"'no such device'"});
@@ -80,7 +81,8 @@ TEST_SUITE("cli program") {
         const std::string array = (scene.grey / "truth.npy").string();
         must(scene.deblur(scene.result("sharp"), kEdi));
         must(scene.deblur(scene.result("sharp.npy"), kEdi));
-        const auto eval = [](const std::string& t, const std::string& p, const Arguments& more = {}) {
+        const auto eval = [](const std::string& t, const std::string& p,
+                             const Arguments& more = {}) {
             return Arguments{"eval", "--truth", t, "--prediction", p} + more;
         };
         const json report = json::parse(must(eval(truth, scene.result("sharp"), {"--json"})).out);
@@ -88,13 +90,15 @@ TEST_SUITE("cli program") {
         CHECK(report.at("ssim").get<double>() > 0.7);
         CHECK(report.at("nrmse").get<double>() < 0.2);
         // Better than what went in.
-        must(Arguments{"deblur", "-i", scene.blurry.string(), "-e", scene.events.string(), "--exposure",
-                       std::to_string(kStart), std::to_string(kEnd), "-o", scene.result("blurry"),
-                       "-m", "edi", "--threshold", "0.001"});
+        must(Arguments{"deblur", "-i", scene.blurry.string(), "-e", scene.events.string(),
+                       "--exposure", std::to_string(kStart), std::to_string(kEnd), "-o",
+                       scene.result("blurry"), "-m", "edi", "--threshold", "0.001"});
         const json before = json::parse(must(eval(truth, scene.result("blurry"), {"--json"})).out);
         CHECK(report["psnr"].get<double>() > before["psnr"].get<double>());
-        const json arrays = json::parse(must(eval(array, scene.result("sharp.npy"), {"--json"})).out);
-        CHECK(arrays["psnr"].get<double>() == doctest::Approx(report["psnr"].get<double>()).epsilon(0.02));
+        const json arrays =
+            json::parse(must(eval(array, scene.result("sharp.npy"), {"--json"})).out);
+        CHECK(arrays["psnr"].get<double>() ==
+              doctest::Approx(report["psnr"].get<double>()).epsilon(0.02));
         CHECK(must(eval(truth, scene.result("sharp"))).out.find("psnr") != std::string::npos);
 
         const Outcome same = must(eval(truth, truth, {"--json", "--min-psnr", "90"}));
@@ -118,8 +122,9 @@ TEST_SUITE("cli program") {
     TEST_CASE("simulate: a still must be an image, the output new") {
         const Scene& scene = Scene::get();
         must_fail(3, {"simulate", "-i", "nosuch.png", "-o", scene.result("no")}, {"nosuch.png"});
-        must_fail(2, {"simulate", "-i", (scene.folder / "still.png").string(), "-o", scene.grey.string()},
-                  {"grey", "--overwrite"});
+        must_fail(
+            2, {"simulate", "-i", (scene.folder / "still.png").string(), "-o", scene.grey.string()},
+            {"grey", "--overwrite"});
         CHECK(!fs::exists(scene.result("no")));
     }
 }

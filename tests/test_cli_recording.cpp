@@ -21,7 +21,9 @@ struct Three {
         fs::copy(scene, folder / name, fs::copy_options::recursive);
         return folder / name;
     }
-    [[nodiscard]] std::string result(const std::string& name) const { return (folder / name).string(); }
+    [[nodiscard]] std::string result(const std::string& name) const {
+        return (folder / name).string();
+    }
     [[nodiscard]] Arguments deblur(const fs::path& input, const std::string& out,
                                    const Arguments& more = {}) const {
         return Arguments{"deblur", "-i", input.string(), "-o", result(out)} + kEdi + more;
@@ -117,9 +119,9 @@ TEST_SUITE("cli recording") {
             const auto before = names(three.folder.path());
             const TemporaryFolder streams;
             // Long enough to be met at work.
-            const pid_t child =
-                start({"deblur", "-i", three.scene.string(), "-o", three.result(out), "--frames", "2000"},
-                      streams / "out", streams / "err");
+            const pid_t child = start(
+                {"deblur", "-i", three.scene.string(), "-o", three.result(out), "--frames", "2000"},
+                streams / "out", streams / "err");
             // A temporary shows that the work has begun.
             for (int i = 0; i < 1000 && names(three.folder.path()) == before; ++i) {
                 ::usleep(10'000);

@@ -13,7 +13,9 @@ namespace {
 
 constexpr const char* kTensor = "unet.en_conv1.0.weight";
 
-fs::path shipped() { return fs::path(ECIR_TEST_DATA) / "../weights/ecir-small.safetensors"; }
+fs::path shipped() {
+    return fs::path(ECIR_TEST_DATA) / "../weights/ecir-small.safetensors";
+}
 
 /// The shipped weights with another header; the data stays where it is.
 fs::path edited(const std::string& name, const std::function<void(json&)>& edit) {
@@ -55,9 +57,9 @@ TEST_SUITE("cli weights") {
     }
 
     TEST_CASE("a tensor that is missing, of another shape, dtype or offset is named") {
-        must(Scene::get().deblur(Scene::get().result("same.npy"),
-                                 {"--frames", "1", "-m", edited("same.safetensors", [](json&) {
-                                                             }).string()}));
+        must(Scene::get().deblur(
+            Scene::get().result("intact.npy"),
+            {"--frames", "1", "-m", edited("intact.safetensors", [](json&) {}).string()}));
         refused(edited("missing.safetensors", [](json& header) { header.erase(kTensor); }),
                 {"missing.safetensors", kTensor});
         refused(edited("shape.safetensors",

@@ -64,12 +64,15 @@ TEST_SUITE("deblur") {
                 options.refine = 0; // the refinement lets frames learn from each other
             }
             Deblur deblur(device, options, kWidth, kHeight);
-            const auto ordered = deblur.frames(blurry(), events.view(), kExposure, std::vector{-1.0, 0.25, 1.0});
-            const auto mixed = deblur.frames(blurry(), events.view(), kExposure, std::vector{1.0, -1.0, 0.25});
+            const auto ordered =
+                deblur.frames(blurry(), events.view(), kExposure, std::vector{-1.0, 0.25, 1.0});
+            const auto mixed =
+                deblur.frames(blurry(), events.view(), kExposure, std::vector{1.0, -1.0, 0.25});
             CHECK(std::ranges::equal(frame(ordered, 0), frame(mixed, 1)));
             CHECK(std::ranges::equal(frame(ordered, 1), frame(mixed, 2)));
             CHECK(std::ranges::equal(frame(ordered, 2), frame(mixed, 0)));
-            const auto single = deblur.frames(blurry(), events.view(), kExposure, std::vector{0.25});
+            const auto single =
+                deblur.frames(blurry(), events.view(), kExposure, std::vector{0.25});
             CHECK(std::ranges::equal(frame(ordered, 1), single));
         }
     }
@@ -128,9 +131,8 @@ TEST_SUITE("deblur") {
         CHECK(open([](O& o) { o.thresholds = EdiThresholds{}; }) == ExitCode::usage);
         CHECK(open([](O& o) { o.model = "edi", o.refine = 1; }) == ExitCode::usage);
         Deblur deblur(device, {}, kWidth, kHeight);
-        CHECK(code_of([&] {
-                  deblur.frames(blurry(), {}, kExposure, std::vector{1.5});
-              }) == ExitCode::usage);
+        CHECK(code_of([&] { deblur.frames(blurry(), {}, kExposure, std::vector{1.5}); }) ==
+              ExitCode::usage);
         CHECK(code_of([&] {
                   deblur.frames(std::vector<float>(3), {}, kExposure, std::vector{0.0});
               }) == ExitCode::bad_input);

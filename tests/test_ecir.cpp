@@ -6,8 +6,9 @@
 
 #include "layers/ecir.hpp"
 
-// Whole networks with random weights against frames that the PyTorch network in tools/train computed in
-// float64 (tools/train/make_fixtures.py): both variants, one size a multiple of 16 and one odd.
+// Whole networks with random weights against frames that the PyTorch network in tools/train
+// computed in float64 (tools/train/make_fixtures.py): both variants, one size a multiple of 16 and
+// one odd.
 namespace {
 
 using ecir::SafeTensors;
@@ -51,8 +52,8 @@ struct Fixture {
         for (size_t d = 0; d < expected.shape[0]; ++d) {
             for (size_t y = 0; y < height; y += 5) {
                 for (size_t x = 0; x < width; x += 5) {
-                    const double difference =
-                        std::abs(double{frames[(d * height + y) * width + x]} - expected.values[i++]);
+                    const double difference = std::abs(
+                        double{frames[(d * height + y) * width + x]} - expected.values[i++]);
                     largest = std::isfinite(difference) ? std::max(largest, difference) : INFINITY;
                 }
             }
@@ -71,7 +72,8 @@ TEST_SUITE("ecir") {
             CAPTURE(name);
             const Fixture fixture(name);
             ecir::EcirMethod initialisation(device, fixture.file, fixture.height, fixture.width, 0);
-            CHECK(fixture.difference(initialisation.frames(fixture.input()), "output.initial") < 1e-4);
+            CHECK(fixture.difference(initialisation.frames(fixture.input()), "output.initial") <
+                  1e-4);
             ecir::EcirMethod whole(device, fixture.file, fixture.height, fixture.width, {});
             CHECK(fixture.difference(whole.frames(fixture.input()), "output.refined") < 1e-4);
         }

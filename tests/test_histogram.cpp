@@ -118,7 +118,8 @@ TEST_SUITE("histogram") {
         }
         const auto ranges = paper_intervals(events.view(), exposure, even_edges(2));
         const auto counts = count(*device, events.view(), ranges, {4, 1, 3});
-        CHECK(counts == std::vector<float>{0, 125'000, 0, 0, 375'000, 0, 0, 125'000, 0, 0, 375'000, 0});
+        CHECK(counts ==
+              std::vector<float>{0, 125'000, 0, 0, 375'000, 0, 0, 125'000, 0, 0, 375'000, 0});
     }
 
     TEST_CASE("channels that fill up the last block become zero") {

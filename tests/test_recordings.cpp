@@ -13,7 +13,8 @@
 #include "tools/io/recording.hpp"
 
 // Real recordings, where they are at hand: ECIR_TEST_RECORDINGS names the folder that holds
-// real/davis346_cups_a, 346x260 pixels, 104 ms exposures by a shaking hand. They may not be shipped.
+// real/davis346_cups_a, 346x260 pixels, 104 ms exposures by a shaking hand. They may not be
+// shipped.
 namespace {
 
 namespace fs = std::filesystem;
@@ -24,7 +25,8 @@ fs::path cups() {
     return folder == nullptr ? fs::path() : fs::path(folder) / "real" / "davis346_cups_a";
 }
 
-/// Root mean square, in grey levels of 255, of what separates the frames' trapezoid mean from `blurry`.
+/// Root mean square, in grey levels of 255, of what separates the frames' trapezoid mean from
+/// `blurry`.
 double mean_difference(std::span<const float> frames, std::span<const float> blurry, size_t count) {
     const size_t pixels = blurry.size();
     double sum = 0;
@@ -39,8 +41,8 @@ double mean_difference(std::span<const float> frames, std::span<const float> blu
     return 255 * std::sqrt(sum / static_cast<double>(pixels));
 }
 
-/// How steep the strongest edges are: the 98th percentile of the differences two pixels apart, along rows and
-/// columns, of 3x3 averages (the sensor's own stripes are a pixel wide).
+/// How steep the strongest edges are: the 98th percentile of the differences two pixels apart,
+/// along rows and columns, of 3x3 averages (the sensor's own stripes are a pixel wide).
 double edge_steepness(std::span<const float> frame, int width, int height) {
     const cv::Mat image(height, width, CV_32F, const_cast<float*>(frame.data()));
     cv::Mat smooth;
@@ -53,7 +55,8 @@ double edge_steepness(std::span<const float> frame, int width, int height) {
             differences.push_back(std::abs(here - smooth.at<float>(y - 2, x)));
         }
     }
-    const auto place = differences.begin() + static_cast<std::ptrdiff_t>(differences.size() * 98 / 100);
+    const auto place =
+        differences.begin() + static_cast<std::ptrdiff_t>(differences.size() * 98 / 100);
     std::ranges::nth_element(differences, place);
     return *place;
 }
@@ -83,8 +86,8 @@ TEST_SUITE("recordings") {
                 CAPTURE(item.image);
                 const auto blurry = cli::to_luminance(io::read_image(item.image));
                 constexpr uint32_t kFrames = 100;
-                const auto frames = deblur.frames(blurry, events.events.view(), item.exposure,
-                                                  even_times(kFrames));
+                const auto frames =
+                    deblur.frames(blurry, events.events.view(), item.exposure, even_times(kFrames));
                 CHECK(mean_difference(frames, blurry, kFrames) < 0.5);
                 const auto middle = std::span<const float>(frames).subspan(
                     kFrames / 2 * blurry.size(), blurry.size());
@@ -106,7 +109,8 @@ TEST_SUITE("recordings") {
             const auto frames = deblur.frames(blurry, events.events.view(),
                                               recording.items[i].exposure, even_times(5));
             for (size_t k = 0; k < 5; ++k) {
-                const auto frame = std::span<const float>(frames).subspan(k * blurry.size(), blurry.size());
+                const auto frame =
+                    std::span<const float>(frames).subspan(k * blurry.size(), blurry.size());
                 CHECK(edge_steepness(frame, 346, 260) > 1.1 * edge_steepness(blurry, 346, 260));
                 size_t beyond = 0;
                 for (const float value : frame) {

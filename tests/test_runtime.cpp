@@ -179,7 +179,8 @@ TEST_SUITE("runtime") {
         } catch (const Error& error) {
             CHECK(error.code() == ExitCode::resources);
             const std::string message = error.what();
-            CHECK(message.find(std::to_string((device->info().heap_bytes >> 20))) != std::string::npos);
+            CHECK(message.find(std::to_string((device->info().heap_bytes >> 20))) !=
+                  std::string::npos);
         }
     }
 

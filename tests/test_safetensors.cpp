@@ -78,10 +78,14 @@ TEST_SUITE("safetensors") {
         CHECK(mentions(message({kGood, 32, 1 << 30}), "truncated"));
         CHECK(mentions(message({kGood, 32, INT64_MAX}), "truncated"));
         CHECK(mentions(message({"[1,2]", 0}), "JSON"));
-        CHECK(mentions(message({R"({"a":{"dtype":"I64","shape":[1],"data_offsets":[0,8]}})", 8}), "I64"));
-        CHECK(mentions(message({R"({"a":{"dtype":"F32","shape":[3],"data_offsets":[0,8]}})", 8}), "'a'"));
-        CHECK(mentions(message({R"({"a":{"dtype":"F32","shape":[2],"data_offsets":[8,0]}})", 8}), "'a'"));
-        CHECK(mentions(message({R"({"a":{"dtype":"F32","shape":[-2],"data_offsets":[0,8]}})", 8}), "'a'"));
+        CHECK(mentions(message({R"({"a":{"dtype":"I64","shape":[1],"data_offsets":[0,8]}})", 8}),
+                       "I64"));
+        CHECK(mentions(message({R"({"a":{"dtype":"F32","shape":[3],"data_offsets":[0,8]}})", 8}),
+                       "'a'"));
+        CHECK(mentions(message({R"({"a":{"dtype":"F32","shape":[2],"data_offsets":[8,0]}})", 8}),
+                       "'a'"));
+        CHECK(mentions(message({R"({"a":{"dtype":"F32","shape":[-2],"data_offsets":[0,8]}})", 8}),
+                       "'a'"));
         CHECK(mentions(message({R"({"a":{"dtype":"F32","shape":[4000000000,4000000000,4000000000],)"
                                 R"("data_offsets":[0,8]}})",
                                 8}),

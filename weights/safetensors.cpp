@@ -44,7 +44,8 @@ SafeTensors::SafeTensors(const std::filesystem::path& path) : path_(path) {
     if (!in || std::filesystem::is_directory(path)) {
         fail("cannot be opened; is the path right?");
     }
-    const std::vector<char> file{std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
+    const std::vector<char> file{std::istreambuf_iterator<char>(in),
+                                 std::istreambuf_iterator<char>()};
     uint64_t header_bytes = 0;
     if (file.size() < sizeof(header_bytes)) {
         fail("is too short to be a safetensors file (" + std::to_string(file.size()) + " bytes)");
@@ -73,10 +74,10 @@ SafeTensors::SafeTensors(const std::filesystem::path& path) : path_(path) {
             continue;
         }
         const std::string where = "tensor '" + name + "' ";
-        const bool whole = item.is_object() && item.contains("dtype") && item["dtype"].is_string() &&
-                           item.contains("shape") && item["shape"].is_array() &&
-                           item.contains("data_offsets") && item["data_offsets"].is_array() &&
-                           item["data_offsets"].size() == 2 &&
+        const bool whole = item.is_object() && item.contains("dtype") &&
+                           item["dtype"].is_string() && item.contains("shape") &&
+                           item["shape"].is_array() && item.contains("data_offsets") &&
+                           item["data_offsets"].is_array() && item["data_offsets"].size() == 2 &&
                            item["data_offsets"][0].is_number_unsigned() &&
                            item["data_offsets"][1].is_number_unsigned();
         if (!whole) {
@@ -99,8 +100,9 @@ SafeTensors::SafeTensors(const std::filesystem::path& path) : path_(path) {
         const uint64_t last = item["data_offsets"][1];
         const uint64_t element = dtype == "F32" ? 4 : 2;
         if (first > last || last > data_bytes) {
-            fail(where + "has data offsets " + item["data_offsets"].dump() + ", but the file holds " +
-                 std::to_string(data_bytes) + " bytes of data; is it truncated?");
+            fail(where + "has data offsets " + item["data_offsets"].dump() +
+                 ", but the file holds " + std::to_string(data_bytes) +
+                 " bytes of data; is it truncated?");
         }
         if (last - first != count * element) {
             fail(where + "has shape " + shape_text(entry.shape) + " and dtype " + dtype + ", but " +

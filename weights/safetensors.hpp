@@ -10,8 +10,8 @@ namespace ecir {
 /// A safetensors file in memory: named float32 tensors (float16 ones widened) and the metadata.
 ///
 /// Every number of the file is checked before it is used; a file that is truncated, overlaps, has a
-/// dtype other than F32 or F16, or lacks what is asked for throws Error(bad_input) naming the file and
-/// the tensor.
+/// dtype other than F32 or F16, or lacks what is asked for throws Error(bad_input) naming the file
+/// and the tensor.
 class SafeTensors {
 public:
     struct Entry {

@@ -1,5 +1,6 @@
 #include "layers/reference/conv.hpp"
 
+#include <Eigen/Core>
 #include <algorithm>
 #include <array>
 #include <string>
@@ -12,35 +13,30 @@ namespace ecir::reference {
 std::vector<double> conv(std::span<const double> in, uint32_t channels, uint32_t height,
                          uint32_t width, std::span<const float> weight, uint32_t out,
                          uint32_t kernel, uint32_t stride) {
+    using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
     const uint32_t out_height = (height + stride - 1) / stride;
     const uint32_t out_width = (width + stride - 1) / stride;
     const int pad = static_cast<int>(kernel / 2);
-    std::vector<double> result(size_t{out} * out_height * out_width);
-    for (uint32_t o = 0; o < out; ++o) {
-        for (uint32_t y = 0; y < out_height; ++y) {
-            for (uint32_t x = 0; x < out_width; ++x) {
-                double sum = 0;
-                for (uint32_t i = 0; i < channels; ++i) {
-                    for (uint32_t ky = 0; ky < kernel; ++ky) {
-                        for (uint32_t kx = 0; kx < kernel; ++kx) {
-                            const int iy = static_cast<int>(stride * y + ky) - pad;
-                            const int ix = static_cast<int>(stride * x + kx) - pad;
-                            if (iy < 0 || ix < 0 || iy >= static_cast<int>(height) ||
-                                ix >= static_cast<int>(width)) {
-                                continue;
-                            }
-                            const size_t tap = ((size_t{o} * channels + i) * kernel + ky) * kernel + kx;
-                            const size_t pixel = (size_t{i} * height + static_cast<size_t>(iy)) * width +
-                                                 static_cast<size_t>(ix);
-                            sum += double{weight[tap]} * in[pixel];
-                        }
-                    }
-                }
-                result[(size_t{o} * out_height + y) * out_width + x] = sum;
+    // A column an output pixel, a row a tap.
+    Matrix patches = Matrix::Zero(channels * kernel * kernel, out_height * out_width);
+    for (uint32_t row = 0; row < patches.rows(); ++row) {
+        const uint32_t channel = row / (kernel * kernel);
+        const int ky = static_cast<int>(row / kernel % kernel) - pad;
+        const int kx = static_cast<int>(row % kernel) - pad;
+        for (uint32_t pixel = 0; pixel < patches.cols(); ++pixel) {
+            const int y = static_cast<int>(pixel / out_width * stride) + ky;
+            const int x = static_cast<int>(pixel % out_width * stride) + kx;
+            if (y >= 0 && x >= 0 && y < static_cast<int>(height) && x < static_cast<int>(width)) {
+                patches(row, pixel) =
+                    in[(size_t{channel} * height + static_cast<size_t>(y)) * width +
+                       static_cast<size_t>(x)];
             }
         }
     }
-    return result;
+    const Eigen::Map<const Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>> w(
+        weight.data(), out, patches.rows());
+    const Matrix product = w.cast<double>() * patches;
+    return {product.data(), product.data() + product.size()};
 }
 
 std::vector<double> conv_transposed(std::span<const double> in, uint32_t channels, uint32_t height,
@@ -94,8 +90,8 @@ struct Case {
     uint32_t in_block; ///< 0 for the device's
 };
 
-/// Every kernel, stride and number of inputs, channels that fill blocks and that do not, odd sizes, one
-/// pixel, both tiles of the lane family, several slices and several chunks of weights.
+/// Every kernel, stride and number of inputs, channels that fill blocks and that do not, odd sizes,
+/// one pixel, both tiles of the lane family, several slices and several chunks of weights.
 const std::vector<Case>& cases() {
     static const std::vector<Case> all = {
         {3, 1, false, {3}, 5, 7, 9, true, true, false, 0},
@@ -137,7 +133,8 @@ Trial make_trial(Device& device, uint32_t index, ConvFamily family) {
     trial.program = std::make_unique<Program>(device);
     Program& program = *trial.program;
 
-    const uint32_t block = family == ConvFamily::lane ? channel_block(device.info()) : kConvTileBlock;
+    const uint32_t block =
+        family == ConvFamily::lane ? channel_block(device.info()) : kConvTileBlock;
     const uint32_t in_height = c.transposed ? (c.height + 1) / 2 : c.height;
     const uint32_t in_width = c.transposed ? (c.width + 1) / 2 : c.width;
     const uint32_t out_height = c.transposed ? c.height : (c.height + c.stride - 1) / c.stride;
@@ -157,7 +154,8 @@ Trial make_trial(Device& device, uint32_t index, ConvFamily family) {
     std::vector<Tensor> tensors;
     std::vector<std::vector<float>> memory;
     for (size_t i = 0; i < c.inputs.size(); ++i) {
-        const Layout layout{c.inputs[i], in_height, in_width, c.in_block != 0 ? c.in_block : block, 2};
+        const Layout layout{c.inputs[i], in_height, in_width, c.in_block != 0 ? c.in_block : block,
+                            2};
         const auto dense = random.values(size_t{c.inputs[i]} * in_height * in_width, -1, 1);
         std::ranges::copy(dense, all.begin() + static_cast<std::ptrdiff_t>(size_t{maps[i].front()} *
                                                                            in_height * in_width));
@@ -186,9 +184,10 @@ Trial make_trial(Device& device, uint32_t index, ConvFamily family) {
     }
 
     trial.reference =
-        c.transposed ? reference::conv_transposed(all, total, in_height, in_width, weight, c.out,
-                                                  c.kernel, out_height, out_width)
-                     : reference::conv(all, total, in_height, in_width, weight, c.out, c.kernel, c.stride);
+        c.transposed
+            ? reference::conv_transposed(all, total, in_height, in_width, weight, c.out, c.kernel,
+                                         out_height, out_width)
+            : reference::conv(all, total, in_height, in_width, weight, c.out, c.kernel, c.stride);
     for (size_t i = 0; i < trial.reference.size(); ++i) {
         double& value = trial.reference[i];
         value += c.bias ? bias[i / (size_t{out_height} * out_width)] : 0.0F;

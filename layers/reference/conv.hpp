@@ -7,8 +7,8 @@
 
 namespace ecir::reference {
 
-/// out[o][y][x] = sum over i, ky, kx of w[o][i][ky][kx] in[i][stride y + ky - k/2][stride x + kx - k/2],
-/// zero outside the image. in: channels x height x width; weight: [out][channels][k][k].
+/// out[o][y][x] = sum over i, ky, kx of w[o][i][ky][kx] in[i][stride y + ky - k/2][stride x + kx -
+/// k/2], zero outside the image. in: channels x height x width; weight: [out][channels][k][k].
 /// Returns out x ceil(height / stride) x ceil(width / stride).
 std::vector<double> conv(std::span<const double> in, uint32_t channels, uint32_t height,
                          uint32_t width, std::span<const float> weight, uint32_t out,

@@ -147,7 +147,9 @@ FileWriter::~FileWriter() {
     }
 }
 
-void FileWriter::write(std::span<const uint8_t> bytes) { write_part(descriptor_, bytes, path_); }
+void FileWriter::write(std::span<const uint8_t> bytes) {
+    write_part(descriptor_, bytes, path_);
+}
 
 void FileWriter::close() {
     // Some file systems report a lack of space only here.

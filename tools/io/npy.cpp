@@ -154,8 +154,8 @@ Array read_npy(const fs::path& path, bool* integer) {
 
 NpyWriter::NpyWriter(const fs::path& path, std::span<const size_t> shape)
     : path_(path), count_(count_values(path, {shape.begin(), shape.end()})), file_(path) {
-    const std::string header = "{'descr': '<f4', 'fortran_order': False, 'shape': (" +
-                               tuple_text(shape) + "), }";
+    const std::string header =
+        "{'descr': '<f4', 'fortran_order': False, 'shape': (" + tuple_text(shape) + "), }";
     // The values start at a multiple of 64 bytes; the header ends with a newline.
     const size_t start = magic.size() + 4;
     const size_t padding = 63 - (start + header.size()) % 64;
@@ -176,8 +176,8 @@ void NpyWriter::add(std::span<const float> values) {
 
 void NpyWriter::close() {
     if (written_ != count_) {
-        fail(path_, "cannot write " + std::to_string(written_) + " values as " +
-                        std::to_string(count_),
+        fail(path_,
+             "cannot write " + std::to_string(written_) + " values as " + std::to_string(count_),
              "give as many values as the shape has");
     }
     file_.close();
