@@ -121,16 +121,15 @@ def _residual_block(c):
 class _Up(nn.Sequential):
     """Transposed 5x5 convolution, stride 2, whose output has the size of the skip connection."""
 
-    # Taps of each output parity, at input offsets -1, 0, 1; tap 5 is a zero.
-    TAPS = torch.tensor([[4, 2, 0], [5, 3, 1]])
-
     def __init__(self, cin, cout):
         super().__init__(nn.ConvTranspose2d(cin, cout, 5, stride=2, padding=2, bias=False))
 
     def forward(self, x, size):
         """As self[0](x, output_size=size), by four 3x3 convolutions: twice as fast on a CPU."""
-        weight = F.pad(self[0].weight, (0, 1, 0, 1))[:, :, self.TAPS][..., self.TAPS]
-        weight = weight.permute(1, 2, 4, 0, 3, 5).flatten(0, 2)  # cout, row and column parity; cin, 3, 3
+        # Even outputs meet taps 4, 2, 0 and odd ones none, 3, 1 at the input offsets -1, 0, 1.
+        weight = F.pad(self[0].weight, (0, 1, 0, 1)).flip(2, 3)
+        weight = weight.unflatten(3, (3, 2)).unflatten(2, (3, 2)).flip(3, 5)
+        weight = weight.permute(1, 3, 5, 0, 2, 4).flatten(0, 2)  # cout, row and column parity; cin, 3, 3
         return F.relu(F.pixel_shuffle(F.conv2d(x, weight, padding=1), 2)[..., :size[0], :size[1]])
 
 
@@ -154,7 +153,7 @@ class UNet(nn.Module):
 
     def forward(self, blurry, histogram, keypoints):
         """blurry N x 1, histogram N x m, keypoints N x n (all x H x W) -> derivatives N x n x H x W."""
-        x0 = torch.cat([blurry, histogram, keypoints], 1)
+        x0 = torch.cat([blurry, histogram, keypoints], 1).contiguous(memory_format=torch.channels_last)
         x1 = self.en_conv1(x0)
         x2 = self.en_conv2(x1)
         x3 = self.en_conv3(x2)
@@ -165,7 +164,9 @@ class UNet(nn.Module):
         y2 = self.de_conv2(torch.cat([y3, x3], 1), x2.shape[-2:])
         y1 = self.de_conv3(torch.cat([y2, x2], 1), x1.shape[-2:])
         y0 = self.de_conv4(torch.cat([y1, x1], 1), x0.shape[-2:])
-        return self.pred(torch.cat([y0, x0], 1))
+        # Derivatives stay out of mixed precision: close keypoints amplify their rounding.
+        with torch.autocast("cpu", enabled=False):
+            return self.pred(torch.cat([y0.to(x0.dtype), x0], 1)).contiguous()
 
 
 def _polish(cin):
