@@ -18,6 +18,14 @@ uint64_t align(uint64_t value) {
 
 Tensor Program::make(Kind kind, const Layout& layout) {
     const Tensor tensor(static_cast<uint32_t>(slots_.size()), layout);
+    const DeviceInfo& info = device_.info();
+    if (tensor.bytes() > info.heap_bytes) { // before the recording of work that could never run
+        throw Error(ExitCode::resources, "one tensor of this needs " + mebibytes(tensor.bytes()) +
+                                             " of device memory, but " + info.name + " has " +
+                                             mebibytes(info.heap_bytes) +
+                                             "; use a smaller --size or fewer --frames, or another "
+                                             "device (-g)");
+    }
     slots_.push_back({kind, tensor.bytes()});
     return tensor;
 }

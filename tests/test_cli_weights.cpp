@@ -65,7 +65,7 @@ TEST_SUITE("cli weights") {
         refused(edited("shape.safetensors",
                        [](json& header) {
                            auto& shape = header[kTensor]["shape"];
-                           std::swap(shape[0], shape[1]);
+                           std::swap(shape[1], shape[2]);
                        }),
                 {"shape.safetensors", kTensor, "shape"});
         refused(edited("size.safetensors",

@@ -169,19 +169,22 @@ TEST_SUITE("runtime") {
 
     TEST_CASE("more memory than the device has is refused with both figures before anything runs") {
         const auto device = Device::open();
+        const uint64_t heap = device->info().heap_bytes;
+        const auto check = [&](const auto& action) {
+            try {
+                action();
+                FAIL("no error");
+            } catch (const Error& error) {
+                CHECK(error.code() == ExitCode::resources);
+                CHECK(std::string(error.what()).find(mebibytes(heap)) != std::string::npos);
+            }
+        };
         Program program(*device);
-        const auto rows = static_cast<uint32_t>(device->info().heap_bytes / (4 * 4096) + 1);
-        const Tensor huge = program.output({1, rows, 4096});
-        program.clear(huge);
-        try {
-            program.finish();
-            FAIL("no error");
-        } catch (const Error& error) {
-            CHECK(error.code() == ExitCode::resources);
-            const std::string message = error.what();
-            CHECK(message.find(std::to_string((device->info().heap_bytes >> 20))) !=
-                  std::string::npos);
-        }
+        check([&] { program.output({1, static_cast<uint32_t>(heap / (4 * 4096) + 1), 4096}); });
+        const Layout half{1, static_cast<uint32_t>(heap / (4 * 4096) / 2 + 1), 4096};
+        program.output(half);
+        program.output(half);
+        check([&] { program.finish(); });
     }
 
     TEST_CASE("a kernel is checked against its shader when it is made") {

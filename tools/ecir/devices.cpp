@@ -50,9 +50,14 @@ void run(bool as_json) {
 } // namespace
 
 void add_devices(CLI::App& app) {
-    auto* command = app.add_subcommand("devices", "List the Vulkan devices and which one is the default");
+    auto* command =
+        app.add_subcommand("devices", "List the Vulkan devices and which one is the default");
     auto as_json = std::make_shared<bool>(false);
     command->add_flag("--json", *as_json, "Print as JSON");
+    command->footer("A device's index or any part of its name is what -g takes elsewhere.\n"
+                    "\n"
+                    "Example:\n"
+                    "  ecir devices --json");
     command->callback([as_json] { run(*as_json); });
 }
 

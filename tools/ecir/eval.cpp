@@ -203,6 +203,9 @@ void print_table(const std::vector<metrics::Figures>& frames, const metrics::Fig
 }
 
 void run(const Options& options) {
+    if (options.min_psnr && std::isnan(*options.min_psnr)) {
+        throw Error(ExitCode::usage, "--min-psnr takes a number of dB");
+    }
     const std::vector<metrics::Figures> frames = compare(options);
     const metrics::Figures mean = metrics::mean(frames);
     const auto identical = static_cast<size_t>(
@@ -214,11 +217,11 @@ void run(const Options& options) {
         print_table(frames, mean);
     }
     if (identical > 0) {
-        std::cerr << identical << " of " << frames.size()
+        std::cerr << "ecir: " << identical << " of " << frames.size()
                   << " frames are identical to the truth, so the mean PSNR is infinite\n";
     }
     if (std::isinf(mean.nrmse)) {
-        std::cerr << "a truth frame is all black, so the mean NRMSE is infinite\n";
+        std::cerr << "ecir: a truth frame is all black, so the mean NRMSE is infinite\n";
     }
     if (options.min_psnr && mean.psnr < *options.min_psnr) {
         throw Error(ExitCode::check_failed, "the mean PSNR of " + fixed(mean.psnr, 2) +
@@ -234,21 +237,28 @@ void add_eval(CLI::App& app) {
     CLI::App* command =
         app.add_subcommand("eval", "Compare predicted frames with the truth: NRMSE, PSNR, SSIM");
     command->add_option("--truth", options->truth, "True frames: a folder of images, or a .npy")
-        ->required();
+        ->required()
+        ->option_text("PATH (required)");
     command
         ->add_option("--prediction", options->prediction,
                      "Predicted frames, as many and as large, matched in the order of their names")
-        ->required();
+        ->required()
+        ->option_text("PATH (required)");
     command->add_flag("--json", options->json,
                       "Print JSON, with each frame's figures; null stands for infinite");
-    command->add_option("--min-psnr", options->min_psnr,
-                        "Exit with 1 when the mean PSNR is below this many dB");
+    command
+        ->add_option("--min-psnr", options->min_psnr,
+                     "Exit with 1 when the mean PSNR is below this many dB")
+        ->option_text("DB");
     command->footer(
         "Definitions, over 8-bit values (floats are clipped to [0, 1], times 255, truncated) and\n"
         "averaged over frames:\n"
         "  nrmse  root mean square of the error / root mean square of the truth\n"
         "  psnr   10 log10(255^2 / mean squared error), dB\n"
-        "  ssim   7x7 uniform window, K 0.01 and 0.03, sample covariance, 3-pixel border left out");
+        "  ssim   7x7 uniform window, K 0.01 and 0.03, sample covariance, 3-pixel border left out\n"
+        "\n"
+        "Example:\n"
+        "  ecir eval --truth scene/truth --prediction sharp --min-psnr 25");
     command->callback([options] { run(*options); });
 }
 

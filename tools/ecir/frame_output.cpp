@@ -1,15 +1,14 @@
 #include "tools/ecir/frame_output.hpp"
 
 #include "tools/io/file.hpp"
-#include "tools/io/npy.hpp"
 
 namespace ecir::cli {
 
 FrameOutput::FrameOutput(const std::filesystem::path& target, bool overwrite, size_t frames,
                          double fps)
-    : kind_(io::is_video(target)                     ? Kind::video
+    : kind_(io::is_video(target)                    ? Kind::video
             : io::lower_extension(target) == ".npy" ? Kind::npy
-                                                     : Kind::folder),
+                                                    : Kind::folder),
       output_(target, kind_ == Kind::folder, overwrite), expected_(frames), fps_(fps) {}
 
 void FrameOutput::start(const io::Image& first) {
@@ -18,11 +17,12 @@ void FrameOutput::start(const io::Image& first) {
                                                    first.channels == 3);
     }
     if (kind_ == Kind::npy) {
-        shape_ = {expected_, static_cast<size_t>(first.height), static_cast<size_t>(first.width)};
+        std::vector<size_t> shape{expected_, static_cast<size_t>(first.height),
+                                  static_cast<size_t>(first.width)};
         if (first.channels == 3) {
-            shape_.push_back(3);
+            shape.push_back(3);
         }
-        values_.reserve(expected_ * first.pixels.size());
+        array_ = std::make_unique<io::NpyWriter>(output_.path(), shape);
     }
 }
 
@@ -39,7 +39,7 @@ void FrameOutput::add(const io::Image& frame, io::FrameTime time) {
         video_->write(frame);
         break;
     case Kind::npy:
-        values_.insert(values_.end(), frame.pixels.begin(), frame.pixels.end());
+        array_->add(frame.pixels);
         break;
     }
     times_.push_back(std::move(time));
@@ -53,7 +53,7 @@ void FrameOutput::commit() {
         video_->close();
     }
     if (kind_ == Kind::npy) {
-        io::write_npy(output_.path(), shape_, values_);
+        array_->close();
     }
     output_.commit();
 }

@@ -5,13 +5,14 @@
 
 #include "tools/io/frames.hpp"
 #include "tools/io/image.hpp"
+#include "tools/io/npy.hpp"
 #include "tools/io/output.hpp"
 #include "tools/io/video.hpp"
 
 namespace ecir::cli {
 
-/// Where `deblur` puts its frames: a folder of PNGs with frames.csv, a video, or a .npy, by what the
-/// target is called. Frames are taken one at a time, so memory does not grow with their number.
+/// Where `deblur` puts its frames: a folder of PNGs with frames.csv, a video, or a .npy, by what
+/// the target is called. Frames are taken one at a time, so memory does not grow with their number.
 class FrameOutput {
 public:
     /// `frames` images of one size will come; a video plays at `fps` frames a second.
@@ -33,8 +34,7 @@ private:
     double fps_;
     std::vector<io::FrameTime> times_;
     std::unique_ptr<io::VideoWriter> video_;
-    std::vector<float> values_; ///< of a .npy
-    std::vector<size_t> shape_;
+    std::unique_ptr<io::NpyWriter> array_;
 };
 
 } // namespace ecir::cli

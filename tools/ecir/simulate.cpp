@@ -209,7 +209,8 @@ void run(Options& options) {
     io::write_events(output.path() / "events.h5", events.view());
     record["events"] = events.size();
     write_text(output.path() / "exposures.csv", exposures);
-    write_text(output.path() / "simulation.json", record.dump(2) + "\n");
+    write_text(output.path() / "simulation.json",
+               record.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n");
     output.commit();
     std::cout << options.output.string() << ": exposures " << options.count
               << ", sharp frames in each " << options.frames << ", events " << events.size()
@@ -315,7 +316,11 @@ void add_simulate(CLI::App& app) {
         "The output is a recording that deblur takes with -i: exposures.csv, blurry_NNNNNN.png,\n"
         "events.h5; beside them the truth (truth/NNNNNN.png and truth.npy, or one folder in "
         "truth/\n"
-        "for each of several exposures) and simulation.json with every parameter.");
+        "for each of several exposures) and simulation.json with every parameter.\n"
+        "\n"
+        "Examples:\n"
+        "  ecir simulate -i still.png -o scene --travel 12 --angle 30 --noise 0.1\n"
+        "  ecir simulate -i frames -o scene --fps 960 --exposure-us 50000 --count 10");
     command->callback([options] { run(*options); });
 }
 

@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <memory>
@@ -27,6 +28,13 @@ std::regex pattern(const std::string& text) {
 
 void run(const Options& options) {
     const std::regex wanted = pattern(options.operation);
+    const auto chosen = [&](const Operation& operation) {
+        return std::regex_search(std::string(operation.name), wanted);
+    };
+    if (std::ranges::none_of(operations(), chosen)) {
+        throw Error(ExitCode::usage, "no operation matches --op '" + options.operation +
+                                         "'; ecir verify without it names all operations");
+    }
     const auto device = Device::open(options.device);
     auto rows = nlohmann::json::array();
     size_t failed = 0;
@@ -35,7 +43,7 @@ void run(const Options& options) {
                     device->info().driver.c_str());
     }
     for (const Operation& operation : operations()) {
-        if (!std::regex_search(std::string(operation.name), wanted)) {
+        if (!chosen(operation)) {
             continue;
         }
         for (uint32_t trial = 0; trial < operation.trials; ++trial) {
@@ -56,13 +64,9 @@ void run(const Options& options) {
             }
         }
     }
-    if (rows.empty()) {
-        throw Error(ExitCode::usage, "no operation matches --op '" + options.operation + "'");
-    }
     if (options.json) {
-        const nlohmann::json all = {{"device", device->info().name},
-                                    {"driver", device->info().driver},
-                                    {"ops", rows}};
+        const nlohmann::json all = {
+            {"device", device->info().name}, {"driver", device->info().driver}, {"ops", rows}};
         std::printf("%s\n", all.dump(2).c_str());
     } else {
         std::printf("%zu of %zu cases within tolerance\n", rows.size() - failed, rows.size());
@@ -80,9 +84,19 @@ void add_verify(CLI::App& app) {
     auto* command = app.add_subcommand(
         "verify", "Run every kernel and compare it with its double-precision CPU reference");
     auto options = std::make_shared<Options>();
-    command->add_option("--op", options->operation, "Only operations that this regular expression finds");
-    command->add_option("-g,--device", options->device, "Device: its index or part of its name");
+    command
+        ->add_option("--op", options->operation,
+                     "Only operations in whose names this regular expression is found")
+        ->option_text("REGEX");
+    command
+        ->add_option("-g,--device", options->device,
+                     "Its index or a part of its name (ecir devices)")
+        ->option_text("DEVICE");
     command->add_flag("--json", options->json, "Print as JSON");
+    command->footer("Exits with 1 when a case is outside its tolerance.\n"
+                    "\n"
+                    "Example:\n"
+                    "  ecir verify --op 'conv|curve' -g 0 --json");
     command->callback([options] { run(*options); });
 }
 

@@ -1,0 +1,29 @@
+#pragma once
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "layers/deblur.hpp"
+#include "tools/ecir/resize.hpp"
+
+namespace ecir::cli {
+
+/// What `ecir deblur` was asked for, checked as far as the options alone tell.
+struct DeblurJob {
+    std::filesystem::path input;      ///< a blurry image, or a recording's folder
+    std::filesystem::path events;     ///< of an image
+    std::optional<Exposure> exposure; ///< of an image
+    std::filesystem::path output;
+    DeblurOptions deblur;
+    std::vector<double> times; ///< normalised; empty: by `fps`
+    double fps = 0;
+    std::optional<PixelSize> size;
+    std::string device;
+    bool overwrite = false;
+};
+
+/// Deblurs one image or a whole recording into one output. Throws Error.
+void run_deblur(const DeblurJob& job);
+
+} // namespace ecir::cli
