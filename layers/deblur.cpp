@@ -84,6 +84,7 @@ std::vector<float> Deblur::frames(std::span<const float> blurry, const EventView
     std::iota(order.begin(), order.end(), size_t{0});
     std::ranges::stable_sort(order, {}, [&](size_t i) { return times[i]; });
     std::vector<double> ascending;
+    ascending.reserve(times.size());
     for (const size_t i : order) {
         ascending.push_back(times[i]);
     }

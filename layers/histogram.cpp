@@ -13,11 +13,11 @@ namespace {
 /// Mirrors the push constants of shaders/event_histogram.comp.
 struct Push {
     PushLayout counts;
-    uint32_t width;
-    uint32_t height;
-    uint32_t first;    ///< interval of the view's channel 0
-    uint32_t count;    ///< intervals in the view
-    uint32_t channels; ///< of the view, with the last block filled up
+    uint32_t width = 0;
+    uint32_t height = 0;
+    uint32_t first = 0;    ///< interval of the view's channel 0
+    uint32_t count = 0;    ///< intervals in the view
+    uint32_t channels = 0; ///< of the view, with the last block filled up
 };
 static_assert(sizeof(Push) == 36);
 

@@ -57,7 +57,7 @@ inline std::vector<ChannelGroup> channel_groups(const DeviceInfo& device, const 
 /// the view's channel `skip`.
 struct ChannelView {
     Tensor tensor;
-    uint32_t skip;
+    uint32_t skip = 0;
 };
 inline ChannelView channel_view(const Tensor& tensor, uint32_t first, uint32_t count) {
     const uint32_t skip = first % tensor.layout().block;

@@ -43,7 +43,7 @@ struct Dispatch {
     /// Arguments read through device addresses: the address is written into the push constants at
     /// byte `push_offset` when the program is recorded.
     struct Pointer {
-        uint32_t push_offset;
+        uint32_t push_offset = 0;
         Argument argument;
         uint64_t byte_offset = 0;
     };
@@ -121,8 +121,8 @@ public:
 private:
     enum class Kind { input, output, temporary };
     struct Slot {
-        Kind kind;
-        uint64_t bytes;
+        Kind kind = Kind::temporary;
+        uint64_t bytes = 0;
         uint32_t first = UINT32_MAX;
         uint32_t last = 0;
         uint64_t offset = 0;         ///< in the arena
