@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <array>
+#include <cstdlib>
 #include <limits>
 #include <string>
+#include <string_view>
 
 #include "runtime/error.hpp"
 
@@ -72,9 +74,11 @@ uint32_t lane_pixels(uint32_t width) {
 } // namespace
 
 ConvFamily conv_family(const DeviceInfo& info) {
+    const char* wanted = std::getenv("ECIR_CONV");
+    const bool tile = wanted != nullptr && std::string_view(wanted) == "tile";
     const bool lane =
         info.is_cpu && info.buffer_address && info.max_uniform_range >= kConvUniformSlice;
-    return lane ? ConvFamily::lane : ConvFamily::tile;
+    return lane && !tile ? ConvFamily::lane : ConvFamily::tile;
 }
 
 uint32_t channel_block(const DeviceInfo& info) {

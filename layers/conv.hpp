@@ -20,6 +20,8 @@ constexpr uint64_t kConvUniformSlice =
     65536; ///< bytes of weights that a lane-family dispatch can see
 
 /// The family for a device: lane on a CPU driver that has device addresses, else tile.
+/// ECIR_CONV=tile in the environment gives tile everywhere, to check on a CPU driver what a GPU
+/// would run.
 ConvFamily conv_family(const DeviceInfo& info);
 
 /// Channels a block of a tensor that convolutions work on: 8, or the subgroup's 16 lanes.
