@@ -77,7 +77,8 @@ TEST_SUITE("io") {
     }
 
     TEST_CASE("event text: no events") {
-        check_bad_text("", "empty"); // a recording that was cut off at once, rather than a still scene
+        check_bad_text("",
+                       "empty"); // a recording that was cut off at once, rather than a still scene
         CHECK(read_text("\n\n# nothing\n").events.size() == 0);
         CHECK(read_text("346 260\n").width == 346);
     }

@@ -88,7 +88,8 @@ TEST_SUITE("refine") {
             program.write(frames, std::vector<float>(size_t{3} * 5 * 7, 1));
             program.run();
             const auto values = to_dense(many, program.read(input));
-            CHECK(values.at(8 * 15) == (interval == 0 ? 0.0F : 1.0F)); // a frame of ones as residual
+            CHECK(values.at(8 * 15) ==
+                  (interval == 0 ? 0.0F : 1.0F)); // a frame of ones as residual
             CHECK(std::all_of(values.begin() + 9 * 15, values.end(),
                               [](float value) { return value == 0; }));
         }

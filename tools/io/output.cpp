@@ -51,20 +51,27 @@ void remove_everything() {
     }
 }
 
-/// Waits for one of the signals on a thread of its own, where any function may be called.
-void await_signal(sigset_t signals) {
-    int number = 0;
-    if (sigwait(&signals, &number) != 0) {
-        return;
+/// The signal's number goes through this pipe from the handler, which may only write, to a thread
+/// that may remove files. A blocked mask with sigwait() would not do: a library that starts threads
+/// while it is loaded (OpenBLAS) leaves some where the signal is not blocked.
+int g_signal_pipe[2] = {-1, -1};
+
+void on_signal(int number) {
+    const auto byte = static_cast<char>(number);
+    (void)!::write(g_signal_pipe[1], &byte, 1);
+}
+
+void await_signal() {
+    char byte = 0;
+    while (::read(g_signal_pipe[0], &byte, 1) != 1) {
+        if (errno != EINTR) {
+            return;
+        }
     }
     remove_everything();
     // Ends the process the way the signal would have, so that a shell sees it.
-    (void)std::signal(number, SIG_DFL);
-    sigset_t one;
-    sigemptyset(&one);
-    sigaddset(&one, number);
-    pthread_sigmask(SIG_UNBLOCK, &one, nullptr);
-    (void)::raise(number);
+    (void)std::signal(byte, SIG_DFL);
+    (void)::raise(byte);
 }
 
 [[noreturn]] void refuse(const fs::path& target, const std::string& why) {
@@ -222,17 +229,20 @@ void PendingOutput::commit() {
 }
 
 void install_cleanup_handler() {
-    sigset_t signals;
-    sigemptyset(&signals);
+    if (::pipe(g_signal_pipe) != 0) {
+        throw system_error(errno, "a pipe", "cannot open");
+    }
+    std::thread(await_signal).detach();
     for (const int number : {SIGINT, SIGTERM, SIGHUP}) {
         struct sigaction now {};
         // A signal ignored from outside (nohup) stays ignored.
         if (::sigaction(number, nullptr, &now) == 0 && now.sa_handler != SIG_IGN) {
-            sigaddset(&signals, number);
+            struct sigaction handler {};
+            handler.sa_handler = on_signal;
+            handler.sa_flags = SA_RESTART;
+            ::sigaction(number, &handler, nullptr);
         }
     }
-    pthread_sigmask(SIG_BLOCK, &signals, nullptr);
-    std::thread(await_signal, signals).detach();
 }
 
 } // namespace ecir::io

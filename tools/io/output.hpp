@@ -36,7 +36,7 @@ private:
 };
 
 /// From now on SIGINT, SIGTERM and SIGHUP remove every pending output before they end the process.
-/// Call once, before other threads start: they must inherit the signal mask.
+/// Call once.
 void install_cleanup_handler();
 
 } // namespace ecir::io
