@@ -1,7 +1,6 @@
 #include "runtime/buffer.hpp"
 
 #include <algorithm>
-#include <cstring>
 #include <string>
 
 #include "runtime/device.hpp"
@@ -92,7 +91,7 @@ std::shared_ptr<const Buffer> upload(Device& device, std::span<const std::byte> 
     // Vulkan has no empty buffers, and copies go by 4 bytes.
     const VkDeviceSize size = std::max<VkDeviceSize>((bytes.size() + 3) / 4 * 4, 4);
     Buffer staging(device, size, Buffer::Place::upload);
-    std::memcpy(staging.mapped(), bytes.data(), bytes.size());
+    std::ranges::copy(bytes, staging.mapped());
     auto result = std::make_shared<const Buffer>(device, size, Buffer::Place::device);
 
     VkCommandPoolCreateInfo pool_info{};

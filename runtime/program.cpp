@@ -146,7 +146,7 @@ void Program::write(const Tensor& input, std::span<const std::byte> data) {
                                           " bytes written to a tensor of " +
                                           std::to_string(slot.bytes));
     }
-    std::memcpy(upload_.mapped() + slot.staging_offset, data.data(), data.size());
+    std::ranges::copy(data, upload_.mapped() + slot.staging_offset);
 }
 
 std::span<const float> Program::read(const Tensor& output) const {

@@ -98,7 +98,7 @@ TEST_SUITE("safetensors") {
 
     TEST_CASE("a missing file and a folder are refused") {
         CHECK_THROWS_AS(SafeTensors("/no/such/file.safetensors"), ecir::Error);
-        CHECK_THROWS_AS(SafeTensors(fs::temp_directory_path()), ecir::Error);
+        CHECK_THROWS_AS(SafeTensors{fs::temp_directory_path()}, ecir::Error);
     }
 
     TEST_CASE("float16 widens exactly") {
