@@ -7,7 +7,6 @@
 #include <opencv2/imgproc.hpp>
 
 #include "layers/deblur.hpp"
-#include "tools/ecir/resize.hpp"
 #include "tools/io/event_file.hpp"
 #include "tools/io/image.hpp"
 #include "tools/io/recording.hpp"
@@ -84,7 +83,7 @@ TEST_SUITE("recordings") {
             for (size_t i = 0; i < recording.items.size(); i += 6) {
                 const auto& item = recording.items[i];
                 CAPTURE(item.image);
-                const auto blurry = cli::to_luminance(io::read_image(item.image));
+                const auto blurry = io::luminance(io::read_image(item.image));
                 constexpr uint32_t kFrames = 100;
                 const auto frames =
                     deblur.frames(blurry, events.events.view(), item.exposure, even_times(kFrames));
@@ -105,7 +104,7 @@ TEST_SUITE("recordings") {
         const io::EventFile events = io::read_events(recording.events);
         Deblur deblur(Device::open(), {}, 346, 260);
         for (size_t i = 0; i < recording.items.size(); i += 9) {
-            const auto blurry = cli::to_luminance(io::read_image(recording.items[i].image));
+            const auto blurry = io::luminance(io::read_image(recording.items[i].image));
             const auto frames = deblur.frames(blurry, events.events.view(),
                                               recording.items[i].exposure, even_times(5));
             for (size_t k = 0; k < 5; ++k) {

@@ -166,7 +166,7 @@ private:
                             static_cast<uint32_t>(image.height));
         }
         const std::vector<double> times = wanted_times(job_, item.exposure);
-        const std::vector<float> luminance = to_luminance(image);
+        const std::vector<float> luminance = io::luminance(image);
         const auto frames = deblur_->frames(luminance, events, item.exposure, times);
         tell_thresholds(item.image, events);
         write(image, luminance, frames, times, item, output);

@@ -42,16 +42,4 @@ Events scale_events(const EventView& events, int width, int height, const PixelS
     return scaled;
 }
 
-std::vector<float> to_luminance(const io::Image& image) {
-    if (image.channels == 1) {
-        return image.pixels;
-    }
-    std::vector<float> luminance(image.pixels.size() / 3);
-    for (size_t i = 0; i < luminance.size(); ++i) {
-        const float* rgb = &image.pixels[i * 3];
-        luminance[i] = 0.299F * rgb[0] + 0.587F * rgb[1] + 0.114F * rgb[2];
-    }
-    return luminance;
-}
-
 } // namespace ecir::cli

@@ -21,7 +21,4 @@ io::Image resize_area(const io::Image& image, const PixelSize& size);
 /// Events of a width x height sensor at the pixels of another size that they fall into.
 Events scale_events(const EventView& events, int width, int height, const PixelSize& size);
 
-/// Luminance (Rec. 601), height x width; a grey image's own values.
-std::vector<float> to_luminance(const io::Image& image);
-
 } // namespace ecir::cli

@@ -224,4 +224,16 @@ void write_image(const fs::path& path, const Image& image) {
     write_file(path, {bytes});
 }
 
+std::vector<float> luminance(const Image& image) {
+    if (image.channels == 1) {
+        return image.pixels;
+    }
+    std::vector<float> result(image.pixels.size() / 3);
+    for (size_t i = 0; i < result.size(); ++i) {
+        const float* rgb = image.pixels.data() + 3 * i;
+        result[i] = 0.299F * rgb[0] + 0.587F * rgb[1] + 0.114F * rgb[2];
+    }
+    return result;
+}
+
 } // namespace ecir::io

@@ -22,4 +22,7 @@ Image read_image(const std::filesystem::path& path);
 /// written.
 void write_image(const std::filesystem::path& path, const Image& image);
 
+/// Rec. 601 luminance, height x width; a grey image's own values.
+std::vector<float> luminance(const Image& image);
+
 } // namespace ecir::io

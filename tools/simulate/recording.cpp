@@ -45,7 +45,7 @@ Shot expose(Scene& scene, EventCamera& camera, const Window& window, int frames)
     io::Image before;
     for (size_t k = 0; k < knots.size(); ++k) {
         io::Image frame = scene.at(knots[k]);
-        camera.see(luminance(frame), knots[k]);
+        camera.see(io::luminance(frame), knots[k]);
         sum.resize(frame.pixels.size());
         if (k > 0) {
             const double share = (knots[k] - knots[k - 1]) / (end - start) / 2;

@@ -118,18 +118,6 @@ io::Image area_average(const io::Image& image, double left, double top, double p
     return result;
 }
 
-std::vector<float> luminance(const io::Image& image) {
-    if (image.channels == 1) {
-        return image.pixels;
-    }
-    std::vector<float> result(image.pixels.size() / 3);
-    for (size_t i = 0; i < result.size(); ++i) {
-        const float* rgb = image.pixels.data() + 3 * i;
-        result[i] = 0.299F * rgb[0] + 0.587F * rgb[1] + 0.114F * rgb[2];
-    }
-    return result;
-}
-
 StillScene::StillScene(const io::Image& picture, const Motion& motion, int width, int height,
                        double exposure_us, int exposures, int multiple)
     : trajectory_(motion, exposures), width_(width), height_(height), exposure_us_(exposure_us),

@@ -15,9 +15,6 @@ namespace ecir::sim {
 io::Image area_average(const io::Image& image, double left, double top, double pitch_x,
                        double pitch_y, int width, int height);
 
-/// Rec. 601 luminance, height x width, of a grey or colour image: what an event camera sees.
-std::vector<float> luminance(const io::Image& image);
-
 /// A sharp scene over time; between its knots each pixel is linear in time. Times are microseconds
 /// from the recording's start.
 class Scene {
