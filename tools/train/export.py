@@ -102,7 +102,7 @@ def load_model(path):
 
 def main():
     import torch
-    from train import restore
+    from train import TASKS
     parser = argparse.ArgumentParser(description="Export a training checkpoint as safetensors.")
     parser.add_argument("checkpoint", help="checkpoint.pt written by train.py")
     parser.add_argument("-o", "--output", required=True, help="safetensors file to write")
@@ -110,9 +110,11 @@ def main():
     args = parser.parse_args()
     try:
         state = torch.load(args.checkpoint, map_location="cpu")
-        model = restore(state)
-        write_safetensors(args.output, model_tensors(model, np.float32 if args.float32 else np.float16),
-                          model_metadata(model, training=state["summary"]))
+        task = TASKS[state["network"]]
+        model = task.build(state["config"])
+        model.load_state_dict(state["average"])
+        write_safetensors(args.output, *task.export(model, np.float32 if args.float32 else np.float16,
+                                                    state["summary"]))
     except (OSError, ValueError, KeyError) as error:
         sys.exit(f"export: {args.checkpoint}: {error}")
 

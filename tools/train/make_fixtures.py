@@ -11,6 +11,7 @@ import sys
 import numpy as np
 import torch
 
+from esl_net import BINS, EslNet, export_esl_net, outward_counts
 from events import network_inputs
 from export import model_metadata, model_tensors, write_safetensors
 from model import PAPER, RELEASE, ECIR
@@ -122,6 +123,57 @@ def write_case(path, variant, width, height, count, seed):
     return np.abs(initial - blurry).mean(), np.abs(refined - initial).mean(), np.abs(refined).max()
 
 
+def scaled_esl_net(rng, blurry, counts):
+    """Random eSL-Net (half-precision weights) whose rounds converge and whose frames are of order one."""
+    torch.manual_seed(int(rng.integers(1 << 31)))
+    net = EslNet().double().eval()
+    layer = net.scn[0]
+    with torch.no_grad():
+        for conv in (net.event_c1, net.event_c2):
+            conv.weight.mul_(4.0)
+        # S2 the transpose of S1, of norm 1: the rounds are gradient steps that cannot diverge.
+        code = torch.ones(1, 128, *blurry.shape[2:], dtype=torch.float64)
+        layer.S2.weight.copy_(layer.S1.weight.transpose(0, 1).flip(2, 3))
+        for _ in range(30):
+            code = layer.S2(layer.S1(code / code.norm()))
+        for conv in (layer.S1, layer.S2):
+            conv.weight.div_(code.norm().sqrt())
+        net.endconv.weight.div_(2 * net(blurry, counts).std())
+        for value in net.parameters():
+            value.copy_(value.half().double())
+    return net
+
+
+def write_esl_case(path, width, height, count, seed):
+    """Writes one case of eSL-Net, every pixel of it; returns the frames' spread and largest value."""
+    rng = np.random.default_rng(seed)
+    blurry = synthetic_blurry(rng, height, width).astype(np.float32)
+    t, x, y, p = synthetic_events(rng, height, width, count)
+    times = np.linspace(-1, 1, 4)
+    instants = np.arange(4) * EXPOSURE_US // 3
+    edges = (instants[:, None] + np.arange(-BINS, BINS + 1) * EXPOSURE_US // BINS).ravel()
+    edges = edges[(edges >= 0) & (edges <= EXPOSURE_US)]
+    t, x, y, p = (np.concatenate([a, b]) for a, b in zip((t, x, y, p), (
+        edges, rng.integers(0, width, edges.size), rng.integers(0, height, edges.size),
+        rng.integers(0, 2, edges.size))))
+    order = np.argsort(t, kind="stable")
+    t, x, y, p = t[order], x[order], y[order], p[order]
+    counts = np.stack([outward_counts(t, x, y, p, 0, EXPOSURE_US, time, (height, width)) for time in times])
+    image = torch.from_numpy(blurry).double()[None, None] * 255
+    gates = torch.from_numpy(counts).double()
+    net = scaled_esl_net(rng, torch.from_numpy(blurry).double()[None, None], gates[:1])
+    with torch.no_grad():
+        frames = torch.cat([net(image, one[None])[0] for one in gates]).numpy() / 255
+    more = {"input.blurry": blurry, "input.t": t, "input.x": x, "input.y": y, "input.p": p,
+            "input.exposure": np.array([0, EXPOSURE_US]), "input.times": times, "output.frames": frames,
+            "output.counts": counts.sum((2, 3))}
+    half = ("input.x", "input.y", "input.p")
+    more = {name: np.asarray(value, np.float16 if name in half else np.float32)
+            for name, value in more.items()}
+    export_esl_net(path, net.state_dict(), "none: random reference case", np.float16, **more)
+    return np.abs(np.diff(frames, axis=0)).mean((1, 2)), np.abs(frames).max()
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("-o", "--output", required=True, help="folder, for example tests/fixtures")
@@ -137,6 +189,10 @@ def main():
         curve, refinement, peak = write_case(path, variant, width, height, count, seed + 1)
         print(f"{path}: {os.path.getsize(path)} bytes, mean change by the curve {curve:.3f}, "
               f"by the refinement {refinement:.3f}, largest value {peak:.2f}")
+    path = os.path.join(args.output, "esl-net-41x29.safetensors")
+    spread, peak = write_esl_case(path, 41, 29, 1500, 10)
+    print(f"{path}: {os.path.getsize(path)} bytes, mean change between frames {spread.min():.3f} "
+          f"to {spread.max():.3f}, largest value {peak:.2f}")
 
 
 if __name__ == "__main__":

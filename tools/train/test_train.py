@@ -5,6 +5,7 @@ import sys
 import tempfile
 import unittest
 
+import cv2
 import numpy as np
 import torch
 
@@ -14,8 +15,16 @@ sys.path.insert(0, HERE)
 import events
 import export
 import model as m
+import fusion
+import motion
+import pack
+import prior
+import scenes
 import simulate
-import train
+import task_ecir
+import task_fusion
+import video
+from sensor import Sensor
 
 torch.set_num_threads(1)
 
@@ -174,10 +183,10 @@ class Files(unittest.TestCase):
 
 
 class Simulator(unittest.TestCase):
-    photos = [np.random.default_rng(5).random((160, 200)).astype(np.float32)]
+    photos = scenes.Photos([np.random.default_rng(5).random((160, 200)).astype(np.float32)])
 
-    def scene(self, index=0, travel=12):
-        return simulate.make_scene(self.photos, 1, index, (48, 64), travel)
+    def scene(self, index=0, travel=12, **options):
+        return simulate.make_scene(self.photos, 1, index, (48, 64), travel, **options)
 
     def test_seeded(self):
         a, b, c = self.scene(), self.scene(), self.scene(1)
@@ -185,35 +194,150 @@ class Simulator(unittest.TestCase):
             np.testing.assert_array_equal(getattr(a, name), getattr(b, name))
         self.assertFalse(np.array_equal(a.blurry, c.blurry))
 
-    def test_travel(self):
+    def test_travel_is_the_length_of_the_translation(self):
         for index in range(4):
-            path = simulate.random_motion(np.random.default_rng(index), (180, 240), 30.0)
-            centre = np.hypot(*np.diff(path[:2], axis=1)).sum()
-            self.assertTrue(10 < centre < 45, centre)
+            motion_path = scenes.Motion(np.random.default_rng(index), (180, 240), 30.0)
+            self.assertAlmostEqual(np.hypot(*np.diff(motion_path.shift)).sum(), 30.0, 9)
+
+    def test_velocity_carries_the_picture(self):
+        world = scenes.World(np.random.default_rng(3), [cv2.GaussianBlur(self.photos[0], (0, 0), 3)], (96, 96), 20.0)
+        world.objects = []
+        step = 0.02
+        field = np.stack([cv2.resize(f, (96, 96)) for f in world.velocity(0.1 + step / 2, 4)])
+        y, x = np.indices((96, 96)).astype(np.float32)
+        moved = cv2.remap(world.render(0.1 + step), x + step * field[0], y + step * field[1], cv2.INTER_LINEAR)
+        inside = np.s_[12:-12, 12:-12]
+        still = np.abs(world.render(0.1 + step) - world.render(0.1))[inside].mean()
+        self.assertLess(np.abs(moved - world.render(0.1))[inside].mean(), 0.35 * still)
 
     def test_events_follow_the_log_intensity(self):
-        sensor = simulate.EventSensor(np.random.default_rng(1), (1, 1))
-        sensor.positive, sensor.negative, sensor.sigma = 0.2, 0.2, 0.0
-        sensor.warm, sensor.noise_hz, sensor.refractory_us = False, 0.0, 0.0
-        level = np.exp(np.linspace(-2, -2 + 1.1, 12)) - simulate.LOG_EPS
-        t, _, _, p = sensor.run([np.full((1, 1), v, np.float32) for v in level], np.arange(12) * 100.0)
+        sensor = Sensor(positive=0.2, negative=0.2, sigma=0.0, warm=False)
+        level = np.exp(np.linspace(-2, -2 + 1.1, 12)) - sensor.log_eps
+        t, _, _, p = sensor.events(np.random.default_rng(1), [np.full((1, 1), v, np.float32) for v in level],
+                                   np.arange(12) * 100.0)
         np.testing.assert_allclose(t, np.arange(1, 6) * 200, atol=1)
         self.assertTrue((p == 1).all())
 
+    def test_faults_add_and_drop_events(self):
+        still = [np.full((40, 40), 0.5, np.float32)] * 2
+
+        def count(**faults):
+            return len(Sensor(**faults).events(np.random.default_rng(2), still, (0.0, 120000.0))[0])
+        self.assertEqual(count(), 0)
+        self.assertAlmostEqual(count(noise_hz=10.0), 1600 * 1.2, delta=150)
+        self.assertGreater(count(hot=0.01), 20)
+        self.assertAlmostEqual(count(noise_hz=10.0, lost=0.25), 1600 * 0.9, delta=150)
+        self.assertLess(count(noise_hz=10.0, late_us=60000), 0.6 * 1600 * 1.2)
+
+
+class Always:
+    """Stands in for a generator: random() gives these values one after the other."""
+
+    def __init__(self, values):
+        self.values = iter(values)
+
+    def random(self):
+        return next(self.values)
+
+
+class Packing(unittest.TestCase):
+    photos = Simulator.photos
+
     def test_reversing_time_twice_changes_nothing(self):
-        packed = {name: torch.from_numpy(v) for name, v in simulate.pack(self.scene()).items()}
+        for make, task, chances in ((pack.curve_arrays, task_ecir, [0, 1, 1, 0]),
+                                    (pack.fusion_arrays, task_fusion, [0, 1, 1, 1])):
+            packed = {name: torch.from_numpy(v) for name, v in make(self.photos, 1, 0, (48, 64)).items()}
+            once = task.augment(packed, Always(chances))
+            self.assertFalse(torch.equal(once["truth"], packed["truth"]))
+            twice = task.augment(once, Always(chances))
+            for name in packed:
+                self.assertTrue(torch.equal(twice[name], packed[name]), name)
 
-        class Always:
-            def __init__(self, value):
-                self.value = iter(value)
+    def test_videos(self):
+        texture = cv2.GaussianBlur(np.random.default_rng(6).random((200, 300)).astype(np.float32), (0, 0), 3)
+        texture = np.round(255 * (texture - texture.min()) / np.ptp(texture)).astype(np.uint8)
+        with tempfile.TemporaryDirectory() as folder:
+            os.mkdir(os.path.join(folder, "000"))
+            for i in range(17):
+                cv2.imwrite(os.path.join(folder, "000", f"{i:08d}.png"), texture[10:190, 2 * i:2 * i + 240])
+            source = video.Videos(folder)
+            # Two pixels a frame to the left, and half-way between two frames as well.
+            world = source.world(np.random.default_rng(1), (180, 240), None)
+            self.assertAlmostEqual(world.travel(), 2 * 14.4, delta=1)
+            self.assertAlmostEqual(float(np.median(world.velocity(0.2, 4)[0])), -14.4, delta=0.5)
+            between = world.render((7.5 / 14.4) * 2 - 1)
+            expected = texture[10:190, 15:255] / 255
+            self.assertLess(np.abs(between - expected)[20:-20, 20:-20].mean(), 0.01)
+            packed = pack.curve_arrays(source, 1, 0, (180, 240))
+            self.assertEqual(packed["truth"].shape, (20, 180, 240))
+            self.assertGreater(int(packed["histogram"].sum()), 1000)
 
-            def random(self):
-                return next(self.value)
-        once = train.augment(packed, Always([0, 1, 1, 0]))
-        self.assertFalse(torch.equal(once["histogram"], packed["histogram"]))
-        twice = train.augment(once, Always([0, 1, 1, 0]))
-        for name in packed:
-            self.assertTrue(torch.equal(twice[name], packed[name]), name)
+    def test_shards(self):
+        with tempfile.TemporaryDirectory() as cache:
+            for first, count in ((0, 2), (2, 1)):
+                pack.build_shard(pack.fusion_arrays, self.photos, os.path.join(cache, f"{first:06d}"), 1, first,
+                                 count, (32, 48))
+            shards = pack.Shards(cache)
+            self.assertEqual(len(shards), 3)
+            expected = pack.fusion_arrays(self.photos, 1, 2, (32, 48))
+            np.testing.assert_array_equal(shards.scene(2)["prior"].numpy(), expected["prior"])
+            self.assertRaises(FileNotFoundError, pack.Shards, os.path.join(cache, "none"))
+
+
+class PriorTest(unittest.TestCase):
+    def test_ramps_and_mean(self):
+        # One pixel, events at 0 (brighter) and 0.5 (darker), thresholds 0.3 and 0.2.
+        p = prior.Prior([0.0, 0.5], [0, 0], [0, 0], [1, 0], (1, 1), (0.3, 0.2))
+        levels = [float(p.at(t)) for t in (-1, -0.06, -0.025, 0, 0.44, 0.475, 0.5, 1)]
+        np.testing.assert_allclose(levels, [0, 0, 0.15, 0.3, 0.3, 0.2, 0.1, 0.1], atol=1e-9)
+        mean = (0.975 + 0.5 * np.exp(0.3) + 0.525 * np.exp(0.1)) / 2
+        self.assertAlmostEqual(float(p.log_mean()), np.log(mean), 12)
+        surface = p.surfaces(0.25)[:, 0, 0]
+        expected = [np.exp(-0.25 / d) for d in prior.SURFACES] + [-np.exp(-0.25 / d) for d in prior.SURFACES]
+        np.testing.assert_allclose(surface, expected, rtol=1e-6)
+
+    def test_no_events(self):
+        none = np.zeros(0, int)
+        p = prior.Prior(none, none, none, none, (2, 3), (0.2, 0.2))
+        np.testing.assert_allclose(p.frames(np.full((2, 3), 0.3), [-1, 0.2]), 0.3, rtol=1e-6)
+        self.assertEqual(np.abs(p.surfaces(0.0)).max(), 0)
+        self.assertEqual(p.counts(motion.ANCHORS).sum(), 0)
+
+
+class FusionTest(unittest.TestCase):
+    def test_motion_of_a_moving_pattern(self):
+        y, x = np.indices((72, 90))
+        v = np.array([6.0, -3.0])
+        frames = np.stack([0.5 + 0.2 * np.sin((x - v[0] * t) / 4) + 0.2 * np.cos((y - v[1] * t) / 5)
+                           for t in motion.TIMES])
+        inside = np.s_[:, :, 2:-2, 2:-2]
+        first = motion.first_estimate(frames)
+        refined = motion.estimate(frames)
+        np.testing.assert_allclose(first[inside].mean((0, 2, 3)), v, rtol=0.1)
+        np.testing.assert_allclose(refined[inside].mean((0, 2, 3)), v, rtol=0.02)
+
+    def test_trajectories_of_an_even_motion(self):
+        speed = torch.tensor([5.0, -2.0]).view(1, 1, 2, 1, 1).expand(2, fusion.ANCHORS, 2, 5, 6)
+        times = torch.tensor([-1.0, 0.3])
+        path = fusion.trajectories(speed, times, 40, 48)
+        start = fusion.pixel_grid(40, 48, fusion.STRIDE, "cpu")
+        for i, t in enumerate(times):
+            for j, s in enumerate(torch.linspace(-1, 1, fusion.ANCHORS)):
+                expected = start + (s - t) * speed[0, 0]
+                self.assertTrue(torch.allclose(path[i, j], expected, atol=1e-4))
+
+    def test_starts_from_the_prior_and_takes_any_size(self):
+        model = task_fusion.build({"trunk": (8, 8, 8, 8), "head": (8, 8)}).eval()
+        with torch.no_grad():
+            model.head.out.weight.zero_()
+            for height, width in ((16, 16), (33, 47)):
+                prior_frames = torch.rand(1, 2, height, width)
+                cells = (-(-height // 8), -(-width // 8))
+                exposure = (torch.rand(1, 9, height, width), torch.rand(1, 1, height, width),
+                            torch.zeros(1, 8, height, width), torch.zeros(1, 9, 2, *cells))
+                frames = model(exposure, prior_frames, torch.zeros(1, 2, 4, height, width),
+                                  torch.tensor([[-1.0, 0.123]]))
+                self.assertTrue(torch.equal(frames, prior_frames))
 
 
 if __name__ == "__main__":

@@ -1,0 +1,213 @@
+"""The fusion network: frames of the event-driven prior, brought together along the motion.
+
+The prior (prior.py) gives a noisy frame at any time. Its errors are a pixel's own, so the same
+point of the scene, seen by other pixels at other times, has other errors: averaging along the motion
+removes them. The motion is estimated from the prior alone (motion.py), nothing in it is learned. For a
+wanted time, positions follow the velocity field to all ANCHORS, the prior's frames are fetched there,
+and the head turns what agrees and what does not into a correction of the prior at that time. The trunk
+looks at the exposure once and gives the head features that are polynomials in time.
+
+Tensors are N x C x H x W, intensities [0, 1], times normalised to [-1, 1], velocities in pixels a
+unit of time.
+"""
+import torch
+import torch.nn as nn
+import torch.nn.functional as F
+
+import motion
+
+ANCHORS = 9         # frames of the prior, at even times from -1 to 1
+STRIDE = motion.CELL    # pixels a side of a cell of the velocity field
+BASIS = 4           # Chebyshev polynomials of time that the trunk's features for the head are made of
+COUNT_SCALE = 0.25
+VELOCITY_SCALE = 0.05
+
+
+class _Residual(nn.Module):
+    """relu(x + conv(relu(conv(x))))"""
+
+    def __init__(self, channels):
+        super().__init__()
+        self.a = nn.Conv2d(channels, channels, 3, padding=1)
+        self.b = nn.Conv2d(channels, channels, 3, padding=1)
+
+    def forward(self, x):
+        return F.relu(x + self.b(F.relu(self.a(x), inplace=True)), inplace=True)
+
+
+class _Up(nn.Module):
+    """Transposed 3x3 convolution, stride 2, plus the skip connection, whose size it takes; ReLU."""
+
+    def __init__(self, cin, cout):
+        super().__init__()
+        self.conv = nn.ConvTranspose2d(cin, cout, 3, stride=2, padding=1)
+
+    def forward(self, x, skip):
+        return F.relu(self.conv(x, output_size=skip.shape[-2:]) + skip, inplace=True)
+
+
+def _down(cin, cout, kernel=3):
+    return nn.Conv2d(cin, cout, kernel, stride=2, padding=kernel // 2)
+
+
+class Trunk(nn.Module):
+    """Once an exposure: features for the head, at a quarter of the resolution."""
+
+    def __init__(self, widths, head_width):
+        super().__init__()
+        a, b, c, d = widths
+        self.down1 = _down(2 * ANCHORS, a)      # anchors, blurry frame, counts between anchors
+        self.down2, self.res2 = _down(a, b), _Residual(b)
+        self.down3, self.res3 = _down(b, c), _Residual(c)
+        self.motion = nn.Conv2d(2 * ANCHORS, c, 3, padding=1, bias=False)
+        self.down4, self.res4, self.res5 = _down(c, d), _Residual(d), _Residual(d)
+        self.up3, self.res6 = _Up(d, c), _Residual(c)
+        self.up2, self.res7 = _Up(c, b), _Residual(b)
+        self.feature = nn.Conv2d(b, BASIS * head_width, 3, padding=1)
+
+    def forward(self, anchors, blurry, counts, velocity):
+        """anchors N x 9, blurry N x 1, counts N x 8, velocity N x 18 (x, y by anchor, a cell of 8
+        pixels) -> N x BASIS * head width."""
+        x = torch.cat([anchors, blurry, COUNT_SCALE * torch.log2(1 + counts)], 1)
+        x = F.relu(self.down1(x.contiguous(memory_format=torch.channels_last)))
+        x2 = self.res2(F.relu(self.down2(x)))
+        x3 = self.motion((VELOCITY_SCALE * velocity).contiguous(memory_format=torch.channels_last))
+        x3 = self.res3(F.relu(self.down3(x2) + x3))
+        x4 = self.res5(self.res4(F.relu(self.down4(x3))))
+        x3 = self.res6(self.up3(x4, x3))
+        x2 = self.res7(self.up2(x3, x2))
+        return self.feature(x2)
+
+
+class Head(nn.Module):
+    """Once a wanted frame: the correction of the prior."""
+
+    def __init__(self, widths):
+        super().__init__()
+        a, b = widths
+        self.down1 = _down(ANCHORS + 7, a, 5)
+        self.down2 = _down(a, b)
+        self.res2, self.res3 = _Residual(b), _Residual(b)
+        self.up1, self.res1 = _Up(b, a), _Residual(a)
+        self.out = nn.Conv2d(a, 4, 3, padding=1)
+
+    def forward(self, planes, feature):
+        """planes N x 16 x H x W, feature N x head width x cells -> N x 1 x H x W."""
+        x1 = F.relu(self.down1(planes.contiguous(memory_format=torch.channels_last)))
+        x2 = F.relu(self.down2(x1) + feature)
+        x2 = self.res3(self.res2(x2))
+        x1 = self.res1(self.up1(x2, x1))
+        size = planes.shape[-2:]
+        return F.pixel_shuffle(self.out(x1).float(), 2)[..., :size[0], :size[1]]
+
+
+def pixel_grid(height, width, stride, device):
+    """Centres of stride x stride cells, 2 x h x w (x, y), pixels."""
+    rows = torch.arange(-(-height // stride), device=device, dtype=torch.float32) * stride + (stride - 1) / 2
+    columns = torch.arange(-(-width // stride), device=device, dtype=torch.float32) * stride + (stride - 1) / 2
+    return torch.stack([columns[None].expand(len(rows), -1), rows[:, None].expand(-1, len(columns))])
+
+
+def sample(field, position, stride):
+    """Bilinear values of field N x C x h x w (cells of stride pixels) at N x 2 x i x j pixel
+    positions; beyond the border its value."""
+    size = torch.tensor([field.shape[3], field.shape[2]], device=field.device) * (0.5 * stride)
+    grid = (position.permute(0, 2, 3, 1) + 0.5) / size - 1
+    return F.grid_sample(field, grid, mode="bilinear", padding_mode="border", align_corners=False)
+
+
+def trajectories(velocity, times, height, width):
+    """Where what is at each cell's centre at times [N] is at the anchors: N x ANCHORS x 2 x h x w.
+
+    velocity: N x ANCHORS x 2 x h x w. Heun steps from anchor to anchor.
+    """
+    count = velocity.shape[0]
+    every = torch.arange(count, device=velocity.device)
+    place = (times + 1) * (0.5 * (ANCHORS - 1))
+    below = place.floor().clamp(0, ANCHORS - 2).long()
+    share = (place - below).view(-1, 1, 1, 1)
+    now = velocity[every, below] * (1 - share) + velocity[every, below + 1] * share
+    start = pixel_grid(height, width, STRIDE, velocity.device)[None].expand_as(now)
+    gap = 2.0 / (ANCHORS - 1)
+
+    def chain(first, direction):
+        """Positions at anchors first, first + direction, ..., then repeating the last of them."""
+        found, position, speed, index = [], start, now, first
+        distance = (index - place).view(-1, 1, 1, 1) * gap
+        for _ in range(ANCHORS - 1):
+            field = velocity[every, index]
+            ahead = sample(field, position + distance * speed, STRIDE)
+            position = position + 0.5 * distance * (speed + ahead)
+            found.append(position)
+            speed = sample(field, position, STRIDE)
+            following = (index + direction).clamp(0, ANCHORS - 1)
+            distance = (following - index).view(-1, 1, 1, 1) * gap
+            index = following
+        return torch.stack(found, 1)
+    back, forth = chain(below, -1), chain(below + 1, 1)
+    anchor = torch.arange(ANCHORS, device=velocity.device)[None]
+    past = anchor <= below[:, None]
+    steps = torch.where(past, below[:, None] - anchor, anchor - below[:, None] - 1)
+    picked = torch.where(past, steps, steps + back.shape[1])
+    return torch.cat([back, forth], 1)[every[:, None], picked]
+
+
+class Fusion(nn.Module):
+    """Trunk, motion and head; widths of the trunk at 1/2, 1/4, 1/8, 1/16 and of the head at 1/2, 1/4."""
+
+    def __init__(self, trunk=(32, 64, 96, 128), head=(32, 48)):
+        super().__init__()
+        self.widths = (tuple(trunk), tuple(head))
+        self.trunk, self.head = Trunk(trunk, head[1]), Head(head)
+        with torch.no_grad():   # start from the prior as it is
+            self.head.out.weight.mul_(0.1)
+            self.head.out.bias.zero_()
+
+    @staticmethod
+    def planes(velocity, anchors, blurry, prior, surfaces, times):
+        """Input of the head, M x 16: prior at t, blurry frame, the anchors fetched along the motion
+        minus the prior, nearest in time first, surfaces times L + 0.01 and thresholds, t^2."""
+        height, width = prior.shape[-2:]
+        path = trajectories(velocity, times, height, width)
+        count = path.shape[0]
+        away = path - pixel_grid(height, width, STRIDE, path.device)
+        away = F.interpolate(away.flatten(0, 1), scale_factor=STRIDE, mode="bilinear",
+                             align_corners=False)[..., :height, :width]
+        position = away + pixel_grid(height, width, 1, path.device)
+        fetched = sample(anchors.flatten(0, 1)[:, None], position, 1).view(count, ANCHORS, height, width)
+        limit = torch.tensor([width, height], device=path.device).view(1, 2, 1, 1) - 0.5
+        inside = ((position >= -0.5) & (position <= limit)).all(1).view(count, ANCHORS, height, width)
+        difference = torch.where(inside, fetched - prior, torch.zeros_like(fetched))
+        anchor = torch.arange(ANCHORS, device=path.device)[None]
+        order = ((times[:, None] + 1) * (0.5 * (ANCHORS - 1)) - anchor).abs().argsort(dim=1, stable=True)
+        difference = difference[torch.arange(count, device=path.device)[:, None], order]
+        square = (times * times).view(-1, 1, 1, 1).expand(-1, -1, height, width)
+        return torch.cat([prior, blurry, difference, surfaces * (prior + 0.01), square], 1)
+
+    def correct(self, planes, feature, times):
+        """Frames M x 1 from the head's input and the features M x BASIS x C x h x w."""
+        basis = torch.stack([torch.ones_like(times), times, 2 * times ** 2 - 1, 4 * times ** 3 - 3 * times], 1)
+        mixed = (feature * basis.to(feature.dtype)[:, :, None, None, None]).sum(1)
+        return planes[:, :1] + self.head(planes, mixed)
+
+    def forward(self, exposure, prior, surfaces, times, mixed=False):
+        """Frames N x T x H x W at times [N, T].
+
+        exposure: anchors N x 9 x H x W, blurry N x 1, counts N x 8, velocity N x 9 x 2 x cells. prior:
+        N x T x H x W; surfaces: N x T x 4 x H x W, already times the thresholds. mixed: convolutions in
+        bfloat16, everything else in float32.
+        """
+        precision = torch.autocast(prior.device.type, torch.bfloat16, enabled=mixed)
+        anchors, blurry, counts, velocity = exposure
+        with precision:
+            feature = self.trunk(anchors, blurry, counts, velocity.flatten(1, 2)).unflatten(1, (BASIS, -1))
+        each = times.shape[1]
+
+        def spread(value):
+            return value.repeat_interleave(each, 0)
+        flat = times.flatten()
+        planes = self.planes(spread(velocity), spread(anchors), spread(blurry), prior.flatten(0, 1)[:, None],
+                             surfaces.flatten(0, 1), flat)
+        with precision:
+            frames = self.correct(planes, spread(feature), flat)
+        return frames.view_as(prior)

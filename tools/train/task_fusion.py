@@ -1,0 +1,104 @@
+"""What the fusion network is trained on and for; see training.py."""
+import numpy as np
+import torch
+from fusion import Fusion
+
+WEIGHTS = {"frames": 10.0, "log": 0.3}
+PAPER_WEIGHTS = WEIGHTS
+LARGEST_GRADIENT = 2.0
+SIZES = {"small": ((16, 32, 48, 64), (16, 32)), "base": ((32, 64, 96, 128), (32, 48)),
+         "large": ((48, 96, 128, 160), (48, 80))}
+FRAMES = 2      # of a scene's random times, a step
+
+
+def config(args):
+    trunk, head = SIZES[args.size]
+    return {"trunk": trunk, "head": head}
+
+
+def build(settings):
+    return Fusion(**settings)
+
+
+def augment(scene, rng):
+    """Mirrors, transposes and reverses time (order turned round, polarities and signs swapped)."""
+    scene = dict(scene)
+    if rng.random() < 0.5:      # backwards
+        for name in ("anchors", "prior", "truth", "counts", "times", "velocity"):
+            scene[name] = scene[name].flip(0)
+        scene["times"], scene["velocity"] = -scene["times"], -scene["velocity"]
+        # Step back over an event: the one before becomes the one after, with the other sign.
+        scene["surfaces"] = -scene["surfaces"].flip(0)[:, [2, 3, 0, 1]]
+        scene["thresholds"] = scene["thresholds"].flip(0)
+    for axis in (0, 1):         # x, y
+        if rng.random() < 0.5:
+            for name, value in scene.items():
+                if value.dim() >= 3:
+                    scene[name] = value.flip(value.dim() - 1 - axis)
+            sign = torch.ones(2, dtype=scene["velocity"].dtype)
+            sign[axis] = -1
+            scene["velocity"] = scene["velocity"] * sign.view(2, 1, 1)
+    height, width = scene["blurry"].shape[-2:]
+    if rng.random() < 0.5 and height == width:
+        for name, value in scene.items():
+            if value.dim() >= 3:
+                scene[name] = value.transpose(-1, -2)
+        scene["velocity"] = scene["velocity"].flip(1)
+    return scene
+
+
+def stack(scenes, device, frames=None):
+    """A batch of float32 tensors from scenes; frames: indices of the times to keep, a list a scene."""
+    out = {}
+    for name in scenes[0]:
+        values = [scene[name] for scene in scenes]
+        if frames is not None and name in ("prior", "surfaces", "truth", "times"):
+            values = [value[list(keep)] for value, keep in zip(values, frames)]
+        out[name] = torch.stack(values).to(device).float()
+    out["blurry"] /= 255
+    out["truth"] /= 255
+    out["surfaces"] /= 127
+    thresholds = out["thresholds"].view(-1, 1, 2, 1, 1)
+    size = torch.where(out["surfaces"] > 0, thresholds[:, :, :1], thresholds[:, :, 1:])
+    out["surfaces"] = out["surfaces"] * size
+    return out
+
+
+def batch(scenes, rng, device):
+    scenes = [augment(scene, rng) for scene in scenes]
+    frames = [rng.choice(len(scene["times"]), FRAMES, replace=False) for scene in scenes]
+    return stack(scenes, device, frames)
+
+
+def forward(model, b, mixed=False):
+    exposure = (b["anchors"], b["blurry"], b["counts"], b["velocity"])
+    return model(exposure, b["prior"], b["surfaces"], b["times"], mixed)
+
+
+def losses(model, b, rng, progress, mixed):
+    frames, truth = forward(model, b, mixed), b["truth"]
+    return {"frames": torch.sqrt((frames - truth).square() + 1e-6).mean(),
+            "log": torch.log((frames - truth).square().mean((2, 3)) + 1e-5).mean()}
+
+
+def psnr(frames, truth):
+    return float(-10 * torch.log10((frames.clamp(0, 1) - truth).square().mean((2, 3)) + 1e-8).mean())
+
+
+def validate(model, scenes, device, count=40):
+    """Mean PSNR (dB) of the blurry frame, the prior and the result at the scenes' random times."""
+    figures = []
+    for i in range(min(count, len(scenes))):
+        b = stack([scenes.scene(i)], device)
+        frames = forward(model, b)
+        figures.append([psnr(f, b["truth"]) for f in (b["blurry"].expand_as(frames), b["prior"], frames)])
+    return dict(zip(("blurry", "prior", "fused"), np.mean(figures, 0)))
+
+
+def export(model, dtype, text):
+    """Tensors and metadata of the exported file."""
+    tensors = {"fusion." + name: value.detach().cpu().numpy().astype(dtype)
+               for name, value in model.state_dict().items()}
+    trunk, head = model.widths
+    return tensors, {"model": "fusion", "trunk": " ".join(map(str, trunk)), "head": " ".join(map(str, head)),
+                     "training": text}
