@@ -17,6 +17,7 @@ import torch.nn.functional as F
 import motion
 
 ANCHORS = 9         # frames of the prior, at even times from -1 to 1
+PLANES = ANCHORS + 7    # of the head's input
 STRIDE = motion.CELL    # pixels a side of a cell of the velocity field
 BASIS = 4           # Chebyshev polynomials of time that the trunk's features for the head are made of
 COUNT_SCALE = 0.25
@@ -43,7 +44,18 @@ class _Up(nn.Module):
         self.conv = nn.ConvTranspose2d(cin, cout, 3, stride=2, padding=1)
 
     def forward(self, x, skip):
-        return F.relu(self.conv(x, output_size=skip.shape[-2:]) + skip, inplace=True)
+        """As self.conv(x, output_size=...), by one 2x2 convolution for the four phases: faster on a CPU."""
+        # Even outputs meet tap 1 alone, odd ones tap 2 and, of the next input, tap 0.
+        weight = self.conv.weight
+        zero = torch.zeros_like(weight[:, :, :1])
+        weight = torch.stack([torch.cat([weight[:, :, 1:2], zero], 2), weight[:, :, [2, 0]]], 2)
+        zero = torch.zeros_like(weight[..., :1])
+        weight = torch.stack([torch.cat([weight[..., 1:2], zero], -1), weight[..., [2, 0]]], 3)
+        weight = weight.flatten(1, 3).transpose(0, 1)   # cout, row and column parity; cin, 2, 2
+        bias = self.conv.bias.repeat_interleave(4)
+        height, width = skip.shape[-2:]
+        x = F.pixel_shuffle(F.conv2d(F.pad(x, (0, 1, 0, 1)), weight, bias), 2)[..., :height, :width]
+        return F.relu(x + skip, inplace=True)
 
 
 def _down(cin, cout, kernel=3):
@@ -84,21 +96,23 @@ class Head(nn.Module):
 
     def __init__(self, widths):
         super().__init__()
-        a, b = widths
-        self.down1 = _down(ANCHORS + 7, a, 5)
-        self.down2 = _down(a, b)
-        self.res2, self.res3 = _Residual(b), _Residual(b)
-        self.up1, self.res1 = _Up(b, a), _Residual(a)
-        self.out = nn.Conv2d(a, 4, 3, padding=1)
+        a, b, c = widths
+        self.skip = nn.Conv2d(PLANES, a, 3, padding=1, bias=False)
+        self.down1 = _down(PLANES, b, 5)
+        self.down2 = _down(b, c)
+        self.res2, self.res3 = _Residual(c), _Residual(c)
+        self.up1, self.res1 = _Up(c, b), _Residual(b)
+        self.up0 = _Up(b, a)
+        self.out = nn.Conv2d(a, 1, 3, padding=1)
 
     def forward(self, planes, feature):
         """planes N x 16 x H x W, feature N x head width x cells -> N x 1 x H x W."""
-        x1 = F.relu(self.down1(planes.contiguous(memory_format=torch.channels_last)))
+        planes = planes.contiguous(memory_format=torch.channels_last)
+        x1 = F.relu(self.down1(planes))
         x2 = F.relu(self.down2(x1) + feature)
         x2 = self.res3(self.res2(x2))
         x1 = self.res1(self.up1(x2, x1))
-        size = planes.shape[-2:]
-        return F.pixel_shuffle(self.out(x1).float(), 2)[..., :size[0], :size[1]]
+        return self.out(self.up0(x1, self.skip(planes))).float()
 
 
 def pixel_grid(height, width, stride, device):
@@ -153,12 +167,12 @@ def trajectories(velocity, times, height, width):
 
 
 class Fusion(nn.Module):
-    """Trunk, motion and head; widths of the trunk at 1/2, 1/4, 1/8, 1/16 and of the head at 1/2, 1/4."""
+    """Trunk and head; widths of the trunk at 1/2, 1/4, 1/8, 1/16 of the resolution, of the head at 1, 1/2, 1/4."""
 
-    def __init__(self, trunk=(32, 64, 96, 128), head=(32, 48)):
+    def __init__(self, trunk=(32, 64, 96, 128), head=(16, 32, 48)):
         super().__init__()
         self.widths = (tuple(trunk), tuple(head))
-        self.trunk, self.head = Trunk(trunk, head[1]), Head(head)
+        self.trunk, self.head = Trunk(trunk, head[2]), Head(head)
         with torch.no_grad():   # start from the prior as it is
             self.head.out.weight.mul_(0.1)
             self.head.out.bias.zero_()

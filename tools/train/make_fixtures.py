@@ -11,10 +11,16 @@ import sys
 import numpy as np
 import torch
 
+import motion
 from esl_net import BINS, EslNet, export_esl_net, outward_counts
-from events import network_inputs
+from events import network_inputs, normalise
 from export import model_metadata, model_tensors, write_safetensors
+from fusion import Fusion
 from model import PAPER, RELEASE, ECIR
+from prior import Prior
+from scenes import Photos
+from simulate import make_scene
+from task_fusion import export as export_fusion
 
 STRIDE = 5
 EXPOSURE_US = 120000
@@ -174,6 +180,61 @@ def write_esl_case(path, width, height, count, seed):
     return np.abs(np.diff(frames, axis=0)).mean((1, 2)), np.abs(frames).max()
 
 
+def fusion_inputs(blurry, t, x, y, p, times, thresholds):
+    """Arguments of the fusion network's forward() for one exposure, float64."""
+    prior = Prior(normalise(t, 0, EXPOSURE_US), x, y, p, blurry.shape, thresholds)
+    fine = prior.frames(blurry, motion.TIMES)
+    surfaces = np.stack([prior.surfaces(time) for time in times]).astype(np.float64)
+    surfaces *= np.where(surfaces > 0, *thresholds)
+    exposure = (fine[::motion.WINDOWS // (len(motion.ANCHORS) - 1)], blurry[None],
+                np.minimum(prior.counts(motion.ANCHORS), 255), motion.estimate(fine))
+    arrays = (*exposure, prior.frames(blurry, times), surfaces, np.asarray(times))
+    tensors = [torch.from_numpy(np.array(a, np.float64))[None] for a in arrays]
+    return tuple(tensors[:4]), *tensors[4:]
+
+
+def scaled_fusion(rng, trunk, head, inputs):
+    """Random fusion network (half-precision weights) whose correction is visible and of order one."""
+    torch.manual_seed(int(rng.integers(1 << 31)))
+    net = Fusion(trunk, head).double().eval()
+    with torch.no_grad():
+        for conv in net.modules():
+            if isinstance(conv, (torch.nn.Conv2d, torch.nn.ConvTranspose2d)):
+                conv.weight.mul_(1.8)
+        net.head.out.weight.mul_(0.15 / (net(*inputs) - inputs[1]).std())
+        net.head.out.bias.fill_(0.05)
+        for value in net.parameters():
+            value.copy_(value.half().double())
+    return net
+
+
+def write_fusion_case(path, width, height, trunk, head, seed):
+    """Writes one case of the fusion network, every pixel of it; returns the events, the mean changes by
+    the trunk and by the head, and the largest speed."""
+    rng = np.random.default_rng(seed)
+    photo = Photos([synthetic_blurry(rng, 2 * height, 2 * width).astype(np.float32)])
+    scene = make_scene(photo, seed, 0, (height, width), 14.0)
+    blurry = (scene.blurry / 255.0).astype(np.float32)
+    times = np.float32([-1, 0.3, 0.875]).astype(np.float64)     # the last is half-way between two anchors
+    thresholds = np.float32([1.1 * scene.sensor.positive, 1.05 * scene.sensor.negative]).astype(np.float64)
+    inputs = fusion_inputs(blurry, scene.t, scene.x, scene.y, scene.p, times, thresholds)
+    net = scaled_fusion(rng, trunk, head, inputs)
+    with torch.no_grad():
+        frames = net(*inputs)
+        exposure = inputs[0]
+        still = net((*exposure[:3], 0 * exposure[3]), *inputs[1:])
+    tensors, metadata = export_fusion(net, np.float16, "none: random reference case")
+    more = {"input.blurry": blurry, "input.t": scene.t, "input.x": scene.x, "input.y": scene.y,
+            "input.p": scene.p, "input.exposure": np.array([0, EXPOSURE_US]), "input.times": times,
+            "input.thresholds": thresholds, "output.frames": frames[0].numpy(),
+            "output.velocity": exposure[3][0].flatten(0, 1).numpy()}
+    half = ("input.x", "input.y", "input.p")
+    tensors.update({name: np.asarray(value, np.float16 if name in half else np.float32)
+                    for name, value in more.items()})
+    write_safetensors(path, tensors, metadata)
+    return len(scene.t), (frames - still).abs().mean(), (frames - inputs[1]).abs().mean(), exposure[3].abs().max()
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("-o", "--output", required=True, help="folder, for example tests/fixtures")
@@ -193,6 +254,10 @@ def main():
     spread, peak = write_esl_case(path, 41, 29, 1500, 10)
     print(f"{path}: {os.path.getsize(path)} bytes, mean change between frames {spread.min():.3f} "
           f"to {spread.max():.3f}, largest value {peak:.2f}")
+    path = os.path.join(args.output, "fusion-61x45.safetensors")
+    events, moved, corrected, speed = write_fusion_case(path, 61, 45, (16, 16, 20, 24), (12, 16, 20), 11)
+    print(f"{path}: {os.path.getsize(path)} bytes, {events} events, mean change by the motion {moved:.3f}, "
+          f"by the head {corrected:.3f}, largest speed {speed:.1f}")
 
 
 if __name__ == "__main__":

@@ -4,6 +4,7 @@ import argparse
 import os
 import sys
 import time
+from functools import partial
 
 import numpy as np
 import torch
@@ -13,7 +14,7 @@ from events import histogram, keypoints, normalise, unet_edges
 from model import PAPER, spread_keypoints
 from prior import Prior
 from scenes import load_photos
-from simulate import EXPOSURE_US, UNIFORM_TIMES, make_scene
+from simulate import EXPOSURE_US, UNIFORM_TIMES, make_scene, quantise
 from video import Videos
 
 BINS, KEYPOINTS = 40, 10    # of the E-CIR network
@@ -21,11 +22,11 @@ EXTRA_TIMES = 6             # random frame times beside the even ones, for E-CIR
 TARGETS = 6                 # random frame times for the fusion network
 
 
-def curve_arrays(source, seed, index, size):
+def curve_arrays(source, seed, index, size, travel=None):
     """Arrays of the E-CIR network for one scene."""
     rng = np.random.default_rng([seed, index, 2])
     times = np.sort(np.concatenate([np.linspace(-1, 1, UNIFORM_TIMES), rng.uniform(-1, 1, EXTRA_TIMES)]))
-    scene = make_scene(source, seed, index, size, times=times, fit=True)
+    scene = make_scene(source, seed, index, size, travel, times, fit=True)
     tau = normalise(scene.t, 0, EXPOSURE_US)
     counts = histogram(tau, scene.x, scene.y, scene.p, unet_edges(PAPER, BINS), size, PAPER)
     between = histogram(tau, scene.x, scene.y, scene.p, scene.times, size, PAPER)
@@ -48,17 +49,20 @@ def assumed_thresholds(rng, sensor):
     return np.array([sensor.positive * size * apart, sensor.negative * size / apart], np.float32)
 
 
-def fusion_arrays(source, seed, index, size):
-    """Arrays of the fusion network for one scene."""
+def fusion_arrays(source, seed, index, size, travel=None, even=False):
+    """Arrays of the fusion network for one scene; even: frames at the anchors, not at random times."""
     rng = np.random.default_rng([seed, index, 3])
-    times = np.sort(np.where(rng.random(TARGETS) < 0.12, np.sign(rng.uniform(-1, 1, TARGETS)),
-                             rng.uniform(-1, 1, TARGETS)))
-    scene = make_scene(source, seed, index, size, times=times)
+    times = motion.ANCHORS if even else np.sort(np.where(
+        rng.random(TARGETS) < 0.12, np.sign(rng.uniform(-1, 1, TARGETS)), rng.uniform(-1, 1, TARGETS)))
+    scene = make_scene(source, seed, index, size, travel, times)
     thresholds = assumed_thresholds(rng, scene.sensor)
     prior = Prior(normalise(scene.t, 0, EXPOSURE_US), scene.x, scene.y, scene.p, size, thresholds)
     blurry = scene.blurry / 255.0
     fine = prior.frames(blurry, motion.TIMES)
-    return {"blurry": scene.blurry[None], "truth": scene.truth, "times": times.astype(np.float32),
+    # The sharp frames keep the noise of the blurry one: their mean is then what the camera saw.
+    noise = np.where((scene.blurry > 1) & (scene.blurry < 251), blurry - scene.mean, 0)
+    truth = quantise(scene.truth / 255.0 + noise)
+    return {"blurry": scene.blurry[None], "truth": truth, "times": times.astype(np.float32),
             "thresholds": thresholds, "anchors": fine[::motion.WINDOWS // (len(motion.ANCHORS) - 1)].astype(np.float16),
             "prior": prior.frames(blurry, times).astype(np.float16),
             "surfaces": np.stack([np.round(prior.surfaces(time) * 127) for time in times]).astype(np.int8),
@@ -68,13 +72,13 @@ def fusion_arrays(source, seed, index, size):
 
 def build_shard(make, source, folder, seed, first, count, size):
     """Packs scenes first..first + count - 1 into a folder, complete when it exists."""
-    partial = folder + ".partial"
-    os.makedirs(partial, exist_ok=True)
+    incomplete = folder + ".partial"
+    os.makedirs(incomplete, exist_ok=True)
     arrays, start = {}, time.time()
     for i in range(count):
         for name, value in make(source, seed, first + i, size).items():
             if name not in arrays:
-                arrays[name] = np.lib.format.open_memmap(os.path.join(partial, name + ".npy"), "w+",
+                arrays[name] = np.lib.format.open_memmap(os.path.join(incomplete, name + ".npy"), "w+",
                                                          value.dtype, (count,) + value.shape)
             arrays[name][i] = value
         print(f"\r{folder}: {i + 1}/{count} scenes, {(time.time() - start) / (i + 1):.3f} s each  ",
@@ -82,7 +86,7 @@ def build_shard(make, source, folder, seed, first, count, size):
     print(file=sys.stderr)
     for array in arrays.values():
         array.flush()
-    os.rename(partial, folder)
+    os.rename(incomplete, folder)
 
 
 class Shards:
@@ -122,12 +126,19 @@ def main():
     parser.add_argument("--shard", type=int, default=200, help="scenes a shard")
     parser.add_argument("--side", type=int, default=160, help="side of a scene in pixels, a multiple of 16")
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--travel", type=float, nargs=2, metavar=("LOW", "HIGH"), help="pixels; default: 3 to 100")
+    parser.add_argument("--even", action="store_true",
+                        help="fusion: frames at the nine anchors, for the loss on their mean (train.py --even)")
     args = parser.parse_args()
     if args.scenes < 1 or args.shard < 1 or args.side < 32 or args.side % 16:
         parser.error("--scenes and --shard must be at least 1, --side a multiple of 16 and at least 32")
     source = load_photos(args.images) if args.images else Videos(args.videos)
     size = (args.side, args.side) if args.images else (180, 240)
-    make = curve_arrays if args.network == "ecir" else fusion_arrays
+    network = curve_arrays if args.network == "ecir" else partial(fusion_arrays, even=args.even)
+
+    def make(source, seed, index, size):
+        rng = np.random.default_rng([seed, index, 1])
+        return network(source, seed, index, size, rng.uniform(*args.travel) if args.travel else None)
     os.makedirs(args.cache, exist_ok=True)
     for first in range(args.first, args.first + args.scenes, args.shard):
         folder = os.path.join(args.cache, f"{first:06d}")

@@ -33,6 +33,7 @@ class Scene:
     y: np.ndarray
     p: np.ndarray         # 0 or 1
     fit: np.ndarray       # float32 [DEGREE + 1, H, W], Chebyshev coefficients of the sharp curve, or None
+    mean: np.ndarray      # float32 [H, W], what the blurry frame would be without noise and rounding
     world: object         # scenes.World or video.Video
     sensor: Sensor
 
@@ -63,6 +64,7 @@ def make_scene(source, seed, index, size, travel=None, times=None, sensor=Sensor
     weight = np.full(steps, 1.0 / (steps - 1), np.float32)  # trapezoid rule of equation 1
     weight[[0, -1]] /= 2
     flat = frames.reshape(steps, -1)
+    mean = np.minimum(weight @ flat, 1).reshape(size)
     blurry = sensor.frame(rng, (weight @ flat).reshape(size))
     curve = None
     if fit:
@@ -70,7 +72,7 @@ def make_scene(source, seed, index, size, travel=None, times=None, sensor=Sensor
         curve = (to_fit @ np.minimum(flat, 1)).reshape((DEGREE + 1,) + size)
     times = np.linspace(-1, 1, UNIFORM_TIMES) if times is None else np.asarray(times, np.float64)
     truth = np.stack([quantise(world.render(time)) for time in times])
-    return Scene(blurry, times, truth, t, x, y, p, curve, world, sensor)
+    return Scene(blurry, times, truth, t, x, y, p, curve, mean, world, sensor)
 
 
 def write_recording(scene, folder):

@@ -8,6 +8,7 @@ import unittest
 import cv2
 import numpy as np
 import torch
+import torch.nn.functional as F
 
 HERE = os.path.dirname(os.path.abspath(__file__))
 sys.path.insert(0, HERE)
@@ -326,10 +327,17 @@ class FusionTest(unittest.TestCase):
                 expected = start + (s - t) * speed[0, 0]
                 self.assertTrue(torch.allclose(path[i, j], expected, atol=1e-4))
 
+    def test_transposed_convolution_equals_torch(self):
+        up, x = fusion._Up(6, 4), torch.rand(2, 6, 5, 7)
+        for size in ((9, 13), (10, 14), (9, 14)):
+            skip = torch.randn(2, 4, *size)
+            self.assertTrue(torch.allclose(up(x, skip), F.relu(up.conv(x, output_size=size) + skip), atol=1e-5))
+
     def test_starts_from_the_prior_and_takes_any_size(self):
-        model = task_fusion.build({"trunk": (8, 8, 8, 8), "head": (8, 8)}).eval()
+        model = task_fusion.build({"trunk": (8, 8, 8, 8), "head": (8, 8, 8)}).eval()
         with torch.no_grad():
             model.head.out.weight.zero_()
+            model.head.out.bias.zero_()
             for height, width in ((16, 16), (33, 47)):
                 prior_frames = torch.rand(1, 2, height, width)
                 cells = (-(-height // 8), -(-width // 8))

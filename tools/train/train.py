@@ -17,6 +17,7 @@ def parse():
     parser.add_argument("network", choices=sorted(TASKS))
     parser.add_argument("--cache", required=True, help="training scenes of pack.py")
     parser.add_argument("--validation", required=True, help="validation scenes of pack.py")
+    parser.add_argument("--even", help="fusion: scenes of pack.py --even, whose frames' mean must be the blurry frame")
     parser.add_argument("--run", required=True, help="folder for checkpoint.pt, log.csv, model.safetensors")
     parser.add_argument("--minutes", type=float, default=60, help="whole training time, resumed runs included")
     parser.add_argument("--steps", type=int, help="end after so many steps, and let the schedule follow them")
@@ -36,6 +37,7 @@ def parse():
                         help="convolutions in bfloat16: several times as fast on a CPU with AMX")
     parser.add_argument("--device", default="cuda" if torch.cuda.is_available() else "cpu",
                         help="where to train; checkpoints go on from one to the other")
+    parser.add_argument("--start", help="checkpoint of another run, whose weights of equal name and shape to begin with")
     parser.add_argument("--resume", action="store_true", help="go on from the folder's checkpoint.pt")
     args = parser.parse_args()
     if args.minutes <= 0 or args.batch < 2 or args.rate <= 0:

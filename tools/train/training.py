@@ -14,6 +14,7 @@ from export import write_safetensors
 from pack import Shards
 
 SAVE_SECONDS = 360
+EVEN_STEPS = 4      # one step in so many sees scenes of --even
 
 
 class Average:
@@ -58,6 +59,7 @@ class Trainer:
             sys.exit(f"train: {self.path} exists; add --resume to go on, or choose another --run folder")
         try:
             self.scenes, self.held_out = Shards(args.cache), Shards(args.validation)
+            self.even = Shards(args.even) if args.even else None
         except OSError as error:
             sys.exit(f"train: {error}")
         os.makedirs(args.run, exist_ok=True)
@@ -70,6 +72,11 @@ class Trainer:
             self.model.load_state_dict(state["model"])
             self.optimiser.load_state_dict(state["optimiser"])
             self.step, self.elapsed = state["step"], state["elapsed"]
+        elif args.start:
+            have = load_checkpoint(args.start, args.device)["average"]
+            own = self.model.state_dict()
+            own.update({k: v for k, v in have.items() if k in own and own[k].shape == v.shape})
+            self.model.load_state_dict(own)
         self.average = Average(self.model)
         if state:
             self.average.state = state["average"]
@@ -82,8 +89,11 @@ class Trainer:
         for group in self.optimiser.param_groups:
             group["lr"] = learning_rate(self.args, progress)
         rng = np.random.default_rng([self.args.seed, self.step])
-        chosen = rng.integers(0, len(self.scenes), self.args.batch)
-        batch = self.task.batch([self.scenes.scene(int(i)) for i in chosen], rng, self.args.device)
+        scenes, count = self.scenes, self.args.batch
+        if self.even is not None and self.step % EVEN_STEPS == 0:
+            scenes, count = self.even, max(1, count // 4)   # more frames a scene
+        chosen = rng.integers(0, len(scenes), count)
+        batch = self.task.batch([scenes.scene(int(i)) for i in chosen], rng, self.args.device)
         # The last tenth settles in the precision of inference.
         mixed = self.args.bfloat16 and progress < 0.9
         terms = self.task.losses(self.model, batch, rng, progress, mixed)
