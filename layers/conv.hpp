@@ -33,6 +33,9 @@ struct ConvDesc {
     uint32_t stride = 1;     ///< 1 or 2
     bool transposed = false; ///< stride-2 transposed; the output's size says the output padding
     bool relu = false;
+    /// Most output channels that a dispatch of the lane family binds, a multiple of the block, so
+    /// that large outputs stay within what a device binds; 0: as many as their weights allow.
+    uint32_t most_bound = 0;
 };
 
 /// Input channels of a convolution in the order of one input tensor: for each channel of the tensor

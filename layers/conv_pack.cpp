@@ -141,6 +141,10 @@ void Conv::pack_lane(std::span<const float> weight) {
                 Slice slice{input, first, count, {}, 0};
                 slice.groups_per_chunk =
                     std::min(groups(), static_cast<uint32_t>(kConvUniformSlice / group_bytes));
+                if (desc_.most_bound != 0) {
+                    slice.groups_per_chunk =
+                        std::min(slice.groups_per_chunk, desc_.most_bound / block_);
+                }
                 for (uint32_t group = 0; group < groups(); group += slice.groups_per_chunk) {
                     const uint32_t end = std::min(groups(), group + slice.groups_per_chunk);
                     std::vector<float> chunk(size_t{end - group} * pairs * block_ * 2);

@@ -1,16 +1,20 @@
 #include "layers/conv_plane.hpp"
 
+#include "runtime/error.hpp"
+
 namespace ecir {
 namespace {
 
 struct TapSumPush {
     PushLayout taps;
+    PushLayout added;
     PushLayout out;
     uint32_t height = 0;
     uint32_t width = 0;
     uint32_t kernel = 0;
+    uint32_t has_added = 0;
 };
-static_assert(sizeof(TapSumPush) == 44);
+static_assert(sizeof(TapSumPush) == 64);
 
 /// [1][channels][k][k] as the 1x1 weight [k k][channels].
 std::vector<float> tap_major(std::span<const float> weight, uint32_t channels, uint32_t taps) {
@@ -23,29 +27,43 @@ std::vector<float> tap_major(std::span<const float> weight, uint32_t channels, u
     return result;
 }
 
+/// The bias as that of the middle tap, which always lies in the image.
+std::vector<float> middle_bias(float bias, uint32_t taps) {
+    std::vector<float> result(taps);
+    result[taps / 2] = bias;
+    return result;
+}
+
 } // namespace
 
 ConvPlane::ConvPlane(Device& device, uint32_t channels, uint32_t kernel,
-                     std::span<const float> weight)
+                     std::span<const float> weight, float bias)
     : device_(device), kernel_(kernel),
       taps_(device, {.out_channels = kernel * kernel, .kernel = 1}, {channel_range(0, channels)},
-            tap_major(weight, channels, kernel * kernel), {}) {}
+            tap_major(weight, channels, kernel * kernel), middle_bias(bias, kernel * kernel)) {}
 
-void ConvPlane::record(Program& program, const Tensor& input, const Tensor& output) const {
+void ConvPlane::record(Program& program, const Tensor& input, const Tensor& output,
+                       const std::optional<Tensor>& added) const {
     const Layout& out = output.layout();
+    if (added && (added->layout().channels != 1 || added->layout().height != out.height ||
+                  added->layout().width != out.width)) {
+        throw Error(ExitCode::device, "conv: what is added and the output differ in shape");
+    }
     const Tensor planes = program.temporary(
         {kernel_ * kernel_, out.height, out.width, channel_block(device_.info()), 0});
     taps_.record(program, input, planes);
 
     TapSumPush push;
     push.taps = PushLayout(planes);
+    push.added = PushLayout(added.value_or(planes));
     push.out = PushLayout(output);
     push.height = out.height;
     push.width = out.width;
     push.kernel = kernel_;
+    push.has_added = added ? 1 : 0;
     Dispatch dispatch;
-    dispatch.kernel = &device_.kernel("tap_sum", {}, 2, sizeof(push));
-    dispatch.arguments = {read(planes), write(output)};
+    dispatch.kernel = &device_.kernel("tap_sum", {}, 3, sizeof(push));
+    dispatch.arguments = {read(planes), read(added.value_or(planes)), write(output)};
     dispatch.set_push(push);
     dispatch.groups = {(out.width + 63) / 64, out.height, 1};
     const double pixels = double{1} * out.height * out.width;

@@ -5,6 +5,8 @@
 
 #include "layers/ecir.hpp"
 #include "layers/edi_method.hpp"
+#include "layers/esl_net.hpp"
+#include "layers/fusion.hpp"
 #include "runtime/error.hpp"
 #include "weights/safetensors.hpp"
 
@@ -13,26 +15,44 @@ namespace {
 
 constexpr double kIntensityOffset = 0.01; ///< e: keeps ratios and logarithms of dark pixels finite
 
+/// For methods that E-CIR's options mean nothing to.
+void refuse_ecir_options(const std::string& method, const DeblurOptions& options) {
+    if (options.refine || options.keypoints) {
+        throw Error(ExitCode::usage,
+                    method + " has neither keypoints nor a refinement; leave --keypoints and "
+                             "--refine out");
+    }
+}
+
 std::unique_ptr<Method> make_method(std::shared_ptr<Device> device, const DeblurOptions& options,
                                     uint32_t width, uint32_t height) {
     if (options.model == "edi") {
-        if (options.refine || options.keypoints) {
-            throw Error(
-                ExitCode::usage,
-                "edi has neither keypoints nor a refinement; leave --keypoints and --refine out");
-        }
+        refuse_ecir_options("edi", options);
         return std::make_unique<EdiMethod>(std::move(device), height, width, options.thresholds);
-    }
-    if (options.thresholds) {
-        throw Error(ExitCode::usage,
-                    "--threshold is for -m edi; the networks learn their thresholds");
     }
     const SafeTensors weights(find_model(options.model));
     const std::string kind = weights.meta("model");
+    if (kind == "fusion") {
+        if (options.keypoints) {
+            throw Error(ExitCode::usage, "model " + options.model +
+                                             ", a fusion network, has no keypoints; leave "
+                                             "--keypoints out");
+        }
+        return std::make_unique<FusionMethod>(std::move(device), weights, height, width,
+                                              options.thresholds, options.refine.value_or(1) > 0);
+    }
+    if (options.thresholds) {
+        throw Error(ExitCode::usage, "--threshold is for -m edi and fusion networks; model " +
+                                         options.model + " has learned its thresholds");
+    }
+    if (kind == "esl_net") {
+        refuse_ecir_options("model " + options.model + ", an eSL-Net,", options);
+        return std::make_unique<EslNetMethod>(std::move(device), weights, height, width);
+    }
     if (kind != "ecir") {
-        throw Error(ExitCode::bad_input, "weights file " + weights.path().string() +
-                                             " is of a model '" + kind +
-                                             "', which this version does not run; it runs ecir");
+        throw Error(ExitCode::bad_input,
+                    "weights file " + weights.path().string() + " is of a model '" + kind +
+                        "', which this version does not run; it runs ecir, esl_net and fusion");
     }
     const EcirConfig config(weights);
     if (options.keypoints && *options.keypoints != config.keypoints) {
@@ -98,8 +118,7 @@ std::vector<float> Deblur::frames(std::span<const float> blurry, const EventView
 }
 
 std::optional<EdiThresholds> Deblur::thresholds() const {
-    const auto* edi = dynamic_cast<const EdiMethod*>(method_.get());
-    return edi != nullptr ? edi->thresholds() : std::nullopt;
+    return method_->thresholds();
 }
 
 std::vector<double> even_times(uint32_t count) {

@@ -16,12 +16,13 @@ class Method;
 
 struct DeblurOptions {
     /// A shipped model's name, the path of a .safetensors file, or `edi`.
-    std::string model = "ecir-small";
-    /// Iterations of the refinement; 0 for the initialisation alone. Unset: as trained.
+    std::string model = "fusion";
+    /// Iterations of the refinement; 0 for the initialisation alone (the curve of E-CIR, the prior
+    /// of a fusion network, which otherwise refines once whatever is asked). Unset: as trained.
     std::optional<uint32_t> refine;
     /// Keypoints of the curve; must be what the model was trained for.
     std::optional<uint32_t> keypoints;
-    /// For `edi`; unset: estimated from each frame and its events.
+    /// For `edi` and fusion networks; unset: estimated from each frame and its events.
     std::optional<EdiThresholds> thresholds;
 };
 
@@ -45,7 +46,7 @@ public:
     std::vector<float> frames(std::span<const float> blurry, const EventView& events,
                               const Exposure& exposure, std::span<const double> times);
 
-    /// What `edi` used for the last frame.
+    /// What `edi` or a fusion network used for the last frame.
     [[nodiscard]] std::optional<EdiThresholds> thresholds() const;
 
 private:

@@ -7,6 +7,7 @@
 #include <string>
 
 #include "layers/pixel_dispatch.hpp"
+#include "layers/smooth.hpp"
 
 namespace ecir {
 namespace {
@@ -37,16 +38,6 @@ struct BusyPush {
 };
 static_assert(sizeof(BusyPush) == 52);
 
-/// Mirrors the push constants of shaders/edi_smooth.comp.
-struct SmoothPush {
-    uint32_t from_origin;
-    uint32_t to_origin;
-    uint32_t width;
-    uint32_t height;
-    uint32_t vertical;
-};
-static_assert(sizeof(SmoothPush) == 20);
-
 /// Mirrors the push constants of shaders/edi_moments.comp.
 struct MomentPush {
     uint32_t frames_origin;
@@ -62,6 +53,10 @@ static_assert(sizeof(MomentPush) == 28);
 constexpr uint32_t largest_side = 480;
 constexpr uint32_t tile_pixels = 16;
 constexpr uint32_t margin = 2; // of edi_moments.comp
+
+/// Standard deviation 1.5 pixels, cut at 4 and normalised.
+constexpr SmoothDesc kGaussian{
+    .weights = {0.26655997F, 0.21344454F, 0.10958608F, 0.036074970F, 0.0076144192F}};
 
 void check_input(const EdiInput& input, const Tensor& schedule, uint32_t frames) {
     const Layout& blurry = input.blurry.layout();
@@ -126,20 +121,6 @@ Dispatch busy_dispatch(Program& program, const EdiInput& input, const Tensor& sc
 /// Origin of a dense tensor as a kernel sees it.
 uint32_t origin(const Tensor& tensor) {
     return PushLayout(tensor).origin;
-}
-
-Dispatch smooth_dispatch(Program& program, const Tensor& from, const Tensor& to, bool vertical) {
-    const Layout& layout = from.layout();
-    Dispatch dispatch;
-    dispatch.kernel = &program.device().kernel("edi_smooth", {}, 2, sizeof(SmoothPush));
-    dispatch.arguments = {read(from), write(to)};
-    dispatch.set_push(
-        SmoothPush{origin(from), origin(to), layout.width, layout.height, vertical ? 1U : 0U});
-    dispatch.groups = pixel_groups(layout, layout.channels);
-    dispatch.flops = 14 * static_cast<double>(layout.elements());
-    dispatch.bytes = static_cast<double>(from.bytes() + to.bytes());
-    dispatch.label = "edi_smooth";
-    return dispatch;
 }
 
 } // namespace
@@ -236,11 +217,8 @@ void record_edi_moments(Program& program, const EdiInput& input, const Tensor& s
     }
     const Layout layout{edi_windows + 2, shape.height, shape.width};
     const Tensor frames = program.temporary(layout);
-    const Tensor rows = program.temporary(layout);
-    const Tensor smooth = program.temporary(layout);
     program.add(edi_dispatch(program, input, schedule, frames, 0, shape.bin, true));
-    program.add(smooth_dispatch(program, frames, rows, false));
-    program.add(smooth_dispatch(program, rows, smooth, true));
+    const Tensor smooth = record_smooth(program, kGaussian, frames);
 
     Dispatch dispatch;
     const std::array<uint32_t, 1> constants = {std::bit_cast<uint32_t>(edi_motion_ridge)};

@@ -1,22 +1,10 @@
 #include "layers/edi_method.hpp"
 
 namespace ecir {
-namespace {
-
-constexpr uint32_t kSmallestEstimate = 16; ///< pixels a side that the estimation needs
-
-} // namespace
-
 EdiMethod::EdiMethod(std::shared_ptr<Device> device, uint32_t height, uint32_t width,
                      std::optional<EdiThresholds> thresholds)
-    : device_(std::move(device)), height_(height), width_(width), given_(thresholds) {
-    if (!given_ && std::min(width, height) < kSmallestEstimate) {
-        given_ = EdiThresholds{};
-    }
-    if (!given_) {
-        estimator_ = std::make_unique<EdiThresholdEstimator>(*device_, width, height);
-    }
-}
+    : device_(std::move(device)), height_(height), width_(width),
+      source_(*device_, width, height, thresholds) {}
 
 void EdiMethod::build(uint32_t frames, uint32_t capacity) {
     program_ = std::make_unique<Program>(*device_);
@@ -38,10 +26,10 @@ std::span<const float> EdiMethod::frames(const FrameInput& input) {
         build(count, EventTensors::capacity_for(input.events.size()));
     }
     const PackedEvents packed = pack_events(input.events, input.exposure, width_, height_);
-    used_ = given_ ? *given_ : estimator_->estimate(packed, input.blurry);
+    const EdiThresholds thresholds = source_.choose(packed, input.blurry);
     events_.write(*program_, packed);
     program_->write(blurry_, input.blurry);
-    program_->write(thresholds_, std::span<const float>(&used_->positive, 2));
+    program_->write(thresholds_, std::span<const float>(&thresholds.positive, 2));
     program_->write(schedule_, edi_schedule(input.times));
     program_->write(busy_, edi_busy_pixels(packed));
     program_->run();

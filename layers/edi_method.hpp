@@ -15,8 +15,9 @@ public:
 
     std::span<const float> frames(const FrameInput& input) override;
 
-    /// Those of the last frame.
-    [[nodiscard]] std::optional<EdiThresholds> thresholds() const { return used_; }
+    [[nodiscard]] std::optional<EdiThresholds> thresholds() const override {
+        return source_.used();
+    }
 
 private:
     void build(uint32_t frames, uint32_t capacity);
@@ -24,10 +25,8 @@ private:
     std::shared_ptr<Device> device_;
     uint32_t height_;
     uint32_t width_;
-    std::optional<EdiThresholds> given_;
-    std::optional<EdiThresholds> used_;
+    EdiThresholdSource source_;
 
-    std::unique_ptr<EdiThresholdEstimator> estimator_; ///< only where thresholds were not given
     uint32_t count_ = 0;
     std::unique_ptr<Program> program_;
     EventTensors events_;

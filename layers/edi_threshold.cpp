@@ -27,6 +27,9 @@ constexpr double fit_error = 0.015;
 /// The events' own noise makes thresholds slightly below the true ones give the smallest error.
 constexpr double noise_shrinkage = 0.02;
 
+/// Pixels a side that the estimation needs.
+constexpr uint32_t smallest_side = 16;
+
 EdiThresholds thresholds_at(const Point& point) {
     return {static_cast<float>(std::exp(point.size + point.ratio / 2)),
             static_cast<float>(std::exp(point.size - point.ratio / 2))};
@@ -209,6 +212,23 @@ EdiBalance EdiThresholdEstimator::balance(const PackedEvents& events, std::span<
                                           const EdiThresholds& thresholds) {
     upload(events, blurry);
     return run(thresholds);
+}
+
+EdiThresholdSource::EdiThresholdSource(Device& device, uint32_t width, uint32_t height,
+                                       std::optional<EdiThresholds> given)
+    : given_(given) {
+    if (!given_ && std::min(width, height) < smallest_side) {
+        given_ = EdiThresholds{};
+    }
+    if (!given_) {
+        estimator_ = std::make_unique<EdiThresholdEstimator>(device, width, height);
+    }
+}
+
+EdiThresholds EdiThresholdSource::choose(const PackedEvents& events,
+                                         std::span<const float> blurry) {
+    used_ = given_ ? *given_ : estimator_->estimate(events, blurry);
+    return *used_;
 }
 
 } // namespace ecir

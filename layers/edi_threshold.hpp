@@ -1,6 +1,7 @@
 #pragma once
 #include <functional>
 #include <memory>
+#include <optional>
 #include <span>
 
 #include "layers/edi.hpp"
@@ -61,6 +62,24 @@ private:
     EdiInput input_;
     Tensor schedule_;
     Tensor moments_;
+};
+
+/// Thresholds for one frame after the other: given, or estimated from each frame and its events;
+/// 0.2 on sensors too small to estimate from.
+class EdiThresholdSource {
+public:
+    EdiThresholdSource(Device& device, uint32_t width, uint32_t height,
+                       std::optional<EdiThresholds> given);
+
+    EdiThresholds choose(const PackedEvents& events, std::span<const float> blurry);
+
+    /// Those of the last frame.
+    [[nodiscard]] std::optional<EdiThresholds> used() const { return used_; }
+
+private:
+    std::optional<EdiThresholds> given_;
+    std::optional<EdiThresholds> used_;
+    std::unique_ptr<EdiThresholdEstimator> estimator_; ///< only where thresholds were not given
 };
 
 } // namespace ecir

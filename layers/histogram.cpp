@@ -1,6 +1,8 @@
 #include "layers/histogram.hpp"
 
 #include <algorithm>
+#include <cmath>
+#include <cstdlib>
 #include <numeric>
 #include <ranges>
 #include <string>
@@ -85,6 +87,28 @@ std::vector<IntervalRange> release_intervals(const EventView& events, const Expo
             range.end = std::max(range.begin, static_cast<uint32_t>(latest - events.t.begin()));
         }
         ranges.push_back(range);
+    }
+    return ranges;
+}
+
+std::vector<IntervalRange> outward_intervals(const EventView& events, const Exposure& exposure,
+                                             double time, uint32_t bins) {
+    constexpr int64_t kFraction = 1024; // of a microsecond; exact products for any exposure
+    const int64_t duration = exposure.duration() * kFraction;
+    const int64_t instant = std::llrint((time + 1) / 2 * static_cast<double>(duration));
+    const auto range_of = [&](int64_t t) {
+        const int64_t distance = (t - exposure.start) * kFraction - instant;
+        const int64_t bin = std::min<int64_t>(bins * std::abs(distance) / duration, bins - 1);
+        return distance < 0 ? bins - 1 - bin : bins + bin;
+    };
+    std::vector<IntervalRange> ranges;
+    uint32_t begin = 0;
+    for (uint32_t i = 0; i < 2 * bins; ++i) {
+        const auto after =
+            std::ranges::partition_point(events.t, [&](int64_t t) { return range_of(t) <= i; });
+        const auto end = static_cast<uint32_t>(after - events.t.begin());
+        ranges.push_back({begin, end});
+        begin = end;
     }
     return ranges;
 }

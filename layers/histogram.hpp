@@ -12,8 +12,8 @@ namespace ecir {
 /// the positive events of time interval i at each pixel, channel 2i + 1 the others.
 ///
 /// Which events belong to an interval is decided on the host, by comparing normalised_time() with
-/// normalised edges in float64; the kernel sees ranges of ordinals and only counts, so its result
-/// is exact (up to 2^24 events of one pixel, interval and polarity).
+/// normalised edges in float64 or whole numbers with each other; the kernel sees ranges of ordinals
+/// and only counts, so its result is exact (up to 2^24 events of one pixel, interval and polarity).
 
 /// Events begin, ..., end - 1 of the time-sorted input.
 struct IntervalRange {
@@ -40,6 +40,14 @@ std::vector<IntervalRange> paper_intervals(const EventView& events, const Exposu
 /// of that set. Ranges of neighbours can overlap. Otherwise as paper_intervals().
 std::vector<IntervalRange> release_intervals(const EventView& events, const Exposure& exposure,
                                              std::span<const double> edges);
+
+/// eSL-Net's rule: intervals lie outwards from a frame's instant, normalised `time` rounded to
+/// 1/1024 us, and are a `bins`-th of the exposure wide. Range bins + k holds the events whose
+/// distance after the instant is k to k + 1 widths, range bins - 1 - k those before it, the nearer
+/// end included, the farther one only at a distance of all `bins` widths; an event at the instant
+/// is after it. `events` must be sorted and lie in the exposure.
+std::vector<IntervalRange> outward_intervals(const EventView& events, const Exposure& exposure,
+                                             double time, uint32_t bins);
 
 /// Records the count.
 /// offsets    input [1][1][height * width + 1], PackedEvents::offset

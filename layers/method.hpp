@@ -1,8 +1,10 @@
 #pragma once
 #include <bit>
+#include <optional>
 #include <span>
 #include <vector>
 
+#include "layers/edi.hpp"
 #include "layers/event_pack.hpp"
 #include "runtime/program.hpp"
 
@@ -26,6 +28,9 @@ public:
 
     /// times x height x width, in the order of the times; valid until the next call. Not clipped.
     virtual std::span<const float> frames(const FrameInput& input) = 0;
+
+    /// The contrast thresholds used for the last frame, where the method has such.
+    [[nodiscard]] virtual std::optional<EdiThresholds> thresholds() const { return std::nullopt; }
 };
 
 /// Inputs of a program that hold PackedEvents, for up to `capacity` of them.

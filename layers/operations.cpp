@@ -8,9 +8,14 @@
 #include "layers/reference/conv.hpp"
 #include "layers/reference/curve.hpp"
 #include "layers/reference/edi.hpp"
+#include "layers/reference/elementwise.hpp"
+#include "layers/reference/fusion_mix.hpp"
 #include "layers/reference/histogram.hpp"
 #include "layers/reference/keypoints.hpp"
+#include "layers/reference/motion.hpp"
+#include "layers/reference/prior.hpp"
 #include "layers/reference/refine.hpp"
+#include "layers/reference/trajectory.hpp"
 
 namespace ecir {
 namespace {
@@ -24,8 +29,16 @@ constexpr std::array kOperations = {
     Operation{"curve", 1e-5, "float32 products of up to 20 differences", 12, curve_trial},
     Operation{"refine_input", 1e-6, "one float32 difference", 8, refine_input_trial},
     Operation{"refine_update", 1e-5, "float32 sums of 9 products", 8, refine_update_trial},
+    Operation{"elementwise", 1e-6, "one float32 operation, or an exponential", 10,
+              elementwise_trial},
     Operation{"edi", 1e-5, "float32 sums of exponentials, one an event", 10, edi_trial},
     Operation{"edi_moments", 1e-4, "float32 differences of logarithms", 4, edi_moments_trial},
+    Operation{"prior", 1e-5, "float32 sums of exponentials, one an event", 36, prior_trial},
+    Operation{"prior_frame", 1e-5, "float32 exponentials", 9, prior_frame_trial},
+    Operation{"motion", 1e-5, "float32 differences of logarithms", 9, motion_trial},
+    Operation{"trajectory", 1e-5, "8 float32 steps", 9, trajectory_trial},
+    Operation{"fusion_fetch", 1e-5, "float32 positions", 9, fusion_fetch_trial},
+    Operation{"fusion_mix", 1e-6, "float32 sums of 4 products", 6, fusion_mix_trial},
 };
 
 } // namespace

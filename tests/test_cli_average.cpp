@@ -34,7 +34,8 @@ TEST_SUITE("cli average") {
             times.push_back(std::to_string(-1 + 2.0 * i / 99));
         }
         const io::Image blurry = io::read_image(scene.blurry);
-        for (const Arguments& method : {kEdi, Arguments{"--refine", "0"}}) {
+        for (const Arguments& method :
+             {kEdi, Arguments{"-m", "ecir", "--refine", "0"}, Arguments{"--refine", "0"}}) {
             CAPTURE(joined(method));
             must(scene.deblur(scene.result("mean.npy"), method + Arguments{"--overwrite"} + times));
             const io::Array frames = io::read_npy(scene.result("mean.npy"));

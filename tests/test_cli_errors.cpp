@@ -172,8 +172,18 @@ TEST_SUITE("cli errors") {
         const Scene& scene = Scene::get();
         const NothingLeft nothing;
         const std::string no = scene.result("no");
-        must_fail(2, scene.deblur(no, {"--keypoints", "9"}), {"10 keypoints", "9", "; "});
-        must_fail(2, scene.deblur(no, {"--threshold", "0.2"}), {"--threshold", "edi"});
+        must_fail(2, scene.deblur(no, {"-m", "ecir", "--keypoints", "9"}),
+                  {"10 keypoints", "9", "; "});
+        must_fail(2, scene.deblur(no, {"-m", "ecir", "--threshold", "0.2"}),
+                  {"--threshold", "edi"});
+        const std::string esl_net =
+            std::string(ECIR_TEST_DATA) + "/fixtures/esl-net-41x29.safetensors";
+        for (const std::string option : {"--keypoints", "--refine", "--threshold"}) {
+            must_fail(2, scene.deblur(no, {"-m", esl_net, option, "1"}), {option, "; "});
+        }
+        const std::string fusion =
+            std::string(ECIR_TEST_DATA) + "/fixtures/fusion-61x45.safetensors";
+        must_fail(2, scene.deblur(no, {"-m", fusion, "--keypoints", "1"}), {"--keypoints", "; "});
         must_fail(2, scene.deblur(no, {"-m", "edi", "--threshold", "nan"}), {"--threshold", "nan"});
         must_fail(2, scene.deblur(no, {"-m", "edi", "--threshold", "-1"}), {"--threshold", "-1"});
         must_fail(2, scene.deblur(no, {"--times", "-1.01"}), {"--times", "[-1, 1]"});
@@ -186,7 +196,8 @@ TEST_SUITE("cli errors") {
         must_fail(2, scene.deblur(no, {"--times", "0", "--frames", "3"}), {"--times", "--frames"});
         must_fail(2, scene.deblur(no + ".png"), {"no.png", "folder"});
         must_fail(2, {"deblur", "-i", scene.blurry.string(), "-o", no}, {"-e", "--exposure"});
-        must(scene.deblur(scene.result("yes.npy"), {"--keypoints", "10", "--frames", "1"}));
+        must(scene.deblur(scene.result("yes.npy"),
+                          {"-m", "ecir", "--keypoints", "10", "--frames", "1"}));
         fs::remove(scene.result("yes.npy"));
     }
 

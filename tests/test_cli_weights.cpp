@@ -14,7 +14,7 @@ namespace {
 constexpr const char* kTensor = "unet.en_conv1.0.weight";
 
 fs::path shipped() {
-    return fs::path(ECIR_TEST_DATA) / "../weights/ecir-small.safetensors";
+    return fs::path(ECIR_TEST_DATA) / "../weights/ecir.safetensors";
 }
 
 /// The shipped weights with another header; the data stays where it is.

@@ -56,11 +56,11 @@ TEST_SUITE("deblur") {
     TEST_CASE("frames come in the order of the times, and one at a time as in company") {
         const auto device = Device::open();
         const Events events = random_events(3000);
-        for (const char* model : {"edi", "ecir-small"}) {
+        for (const char* model : {"edi", "ecir", "fusion"}) {
             CAPTURE(model);
             DeblurOptions options;
             options.model = model;
-            if (options.model != "edi") {
+            if (options.model == "ecir") {
                 options.refine = 0; // the refinement lets frames learn from each other
             }
             Deblur deblur(device, options, kWidth, kHeight);
@@ -79,10 +79,15 @@ TEST_SUITE("deblur") {
 
     TEST_CASE("the same time twice gives the same frame twice, refined as well") {
         const Events events = random_events(2000);
-        Deblur deblur(Device::open(), {}, kWidth, kHeight);
-        const auto frames =
-            deblur.frames(blurry(), events.view(), kExposure, std::vector{0.5, -0.5, 0.5});
-        CHECK(std::ranges::all_of(frames, [](float value) { return std::isfinite(value); }));
+        for (const char* model : {"ecir", "fusion"}) {
+            CAPTURE(model);
+            DeblurOptions options;
+            options.model = model;
+            Deblur deblur(Device::open(), options, kWidth, kHeight);
+            const auto frames =
+                deblur.frames(blurry(), events.view(), kExposure, std::vector{0.5, -0.5, 0.5});
+            CHECK(std::ranges::all_of(frames, [](float value) { return std::isfinite(value); }));
+        }
     }
 
     TEST_CASE("without events in the exposure every frame is the blurry one") {
@@ -126,9 +131,11 @@ TEST_SUITE("deblur") {
         using O = DeblurOptions;
         CHECK(open([](O& o) { o.model = "no-such-model"; }) == ExitCode::bad_input);
         CHECK(open([](O& o) { o.model = "/no/such/file.safetensors"; }) == ExitCode::bad_input);
-        CHECK(open([](O& o) { o.keypoints = 11; }) == ExitCode::usage);
-        CHECK(open([](O& o) { o.keypoints = 10; }) == ExitCode::ok);
-        CHECK(open([](O& o) { o.thresholds = EdiThresholds{}; }) == ExitCode::usage);
+        CHECK(open([](O& o) { o.keypoints = 10; }) == ExitCode::usage);
+        CHECK(open([](O& o) { o.model = "ecir", o.keypoints = 11; }) == ExitCode::usage);
+        CHECK(open([](O& o) { o.model = "ecir", o.keypoints = 10; }) == ExitCode::ok);
+        CHECK(open([](O& o) { o.model = "ecir", o.thresholds = EdiThresholds{}; }) ==
+              ExitCode::usage);
         CHECK(open([](O& o) { o.model = "edi", o.refine = 1; }) == ExitCode::usage);
         Deblur deblur(device, {}, kWidth, kHeight);
         CHECK(code_of([&] { deblur.frames(blurry(), {}, kExposure, std::vector{1.5}); }) ==

@@ -10,6 +10,7 @@
 
 #include "layers/deblur.hpp"
 #include "layers/ecir.hpp"
+#include "layers/esl_net.hpp"
 #include "layers/operations.hpp"
 
 // Times, which a shared machine does not keep: run by `ecir_tests -ts=speed --no-skip`.
@@ -88,6 +89,18 @@ private:
     std::filesystem::path path_;
 };
 
+/// Evenly spread over an exposure of 120 ms and the pixels of 240x180.
+Events steady_events(CaseRandom& random, uint32_t count) {
+    Events events;
+    for (uint32_t i = 0; i < count; ++i) {
+        events.push_back(int64_t{i} * 120'000 / count,
+                         static_cast<uint16_t>(random.integer(0, 239)),
+                         static_cast<uint16_t>(random.integer(0, 179)),
+                         static_cast<uint8_t>(random.integer(0, 1)));
+    }
+    return events;
+}
+
 } // namespace
 
 TEST_SUITE("speed" * doctest::skip()) {
@@ -96,14 +109,7 @@ TEST_SUITE("speed" * doctest::skip()) {
         const RandomWeights file;
         EcirMethod method(Device::open(), SafeTensors(file.path()), 180, 240, {});
         CaseRandom random(2);
-        Events events;
-        constexpr uint32_t kEvents = 100'000;
-        for (uint32_t i = 0; i < kEvents; ++i) {
-            events.push_back(int64_t{i} * 120'000 / kEvents,
-                             static_cast<uint16_t>(random.integer(0, 239)),
-                             static_cast<uint16_t>(random.integer(0, 179)),
-                             static_cast<uint8_t>(random.integer(0, 1)));
-        }
+        const Events events = steady_events(random, 100'000);
         const auto blurry = random.values(size_t{240} * 180, 0, 1);
         const auto times = even_times(14);
         const FrameInput input{blurry, events.view(), {0, 120'000}, times};
@@ -128,5 +134,27 @@ TEST_SUITE("speed" * doctest::skip()) {
                 " % of the kernels' time");
         CHECK(seconds[2] < 2.5);
         CHECK(curve < 0.05 * all);
+    }
+
+    TEST_CASE("eSL-Net, 240x180: a frame's 207 GFLOP at the convolutions' speed") {
+        const SafeTensors file(std::string(ECIR_TEST_DATA) + "/fixtures/esl-net-41x29.safetensors");
+        EslNetMethod method(Device::open(), file, 180, 240);
+        CaseRandom random(2);
+        const Events events = steady_events(random, 100'000);
+        const auto blurry = random.values(size_t{240} * 180, 0, 1);
+        const auto times = even_times(1);
+        method.frames({blurry, events.view(), {0, 120'000}, times}); // compiles the kernels
+        double convolutions = 0;
+        double rest = 0;
+        double flops = 0;
+        for (const DispatchTime& time : method.profile()) {
+            (time.label.starts_with("conv") ? convolutions : rest) += time.ms / 1000;
+            flops += time.flops;
+        }
+        const double seconds = convolutions + rest;
+        MESSAGE(seconds, " s a frame, ", flops / 1e9 / seconds,
+                " GFLOP/s; all but the convolutions ", rest, " s");
+        CHECK(flops > 2e11);
+        CHECK(rest < 0.15 * convolutions);
     }
 }

@@ -223,12 +223,21 @@ Trial conv_plane_trial(Device& device, uint32_t index) {
     program.clear(trial.output);
     const auto weight = random.values(size_t{channels} * 9, -0.5, 0.5);
     const auto dense = random.values(size_t{channels} * height * width, -1, 1);
-    const ConvPlane layer(device, channels, 3, weight);
-    layer.record(program, input, trial.output);
+    // Every second case with a bias, and added to an image.
+    const bool more = index % 2 == 0;
+    const float bias = more ? 0.75F : 0;
+    const Tensor image = program.input({1, height, width, 1, 2});
+    const auto before = random.values(size_t{height} * width, -1, 1);
+    const ConvPlane layer(device, channels, 3, weight, bias);
+    layer.record(program, input, trial.output, more ? std::optional(image) : std::nullopt);
     program.finish();
     program.write(input, from_dense(in, dense));
+    program.write(image, from_dense(image.layout(), before));
     trial.reference = reference::conv(std::vector<double>(dense.begin(), dense.end()), channels,
                                       height, width, weight, 1, 3, 1);
+    for (size_t i = 0; more && i < before.size(); ++i) {
+        trial.reference[i] += double{bias} + before[i];
+    }
     return trial;
 }
 

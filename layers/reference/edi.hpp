@@ -26,6 +26,10 @@ std::vector<double> edi_moments(std::span<const float> blurry, const PackedEvent
 
 namespace ecir {
 
+/// Up to `most` events a pixel for the cases: some at one time, some at the exposure's
+/// ends and at 32nds of it.
+PackedEvents random_packed_events(CaseRandom& random, size_t pixels, uint32_t most);
+
 /// Cases of record_edi() and of record_edi_moments() (layers/edi.hpp).
 Trial edi_trial(Device& device, uint32_t trial);
 Trial edi_moments_trial(Device& device, uint32_t trial);

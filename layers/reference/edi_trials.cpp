@@ -35,39 +35,6 @@ constexpr std::array<std::array<uint32_t, 2>, 4> moment_sizes = {{
     {16, 16}, {33, 21}, {64, 48}, {490, 40}, // binned by 2
 }};
 
-/// Up to `most` events a pixel: some at one time, some at the ends of the exposure.
-PackedEvents random_events(CaseRandom& random, size_t pixels, uint32_t most) {
-    PackedEvents events;
-    events.offset.push_back(0);
-    for (size_t p = 0; p < pixels; ++p) {
-        const uint32_t count = random.integer(0, most);
-        std::vector<float> times = random.values(count, -1, 1);
-        for (uint32_t i = 0; i < count; ++i) {
-            switch (random.integer(0, 15)) {
-            case 0:
-                times[i] = -1;
-                break;
-            case 1:
-                times[i] = 1;
-                break;
-            case 2:
-                times[i] = times[i / 2];
-                break;
-            default:
-                break;
-            }
-        }
-        std::ranges::sort(times);
-        for (const float time : times) {
-            events.time.push_back(time);
-            events.mark.push_back(random.integer(0, 1) << 31 |
-                                  static_cast<uint32_t>(events.mark.size()));
-        }
-        events.offset.push_back(static_cast<uint32_t>(events.mark.size()));
-    }
-    return events;
-}
-
 /// Makes the inputs of a program that depend on the events and the thresholds; write_input() fills
 /// them.
 EdiInput make_input(Program& program, const PackedEvents& events, const Layout& blurry,
@@ -98,11 +65,48 @@ std::string size_text(uint32_t width, uint32_t height) {
 
 } // namespace
 
+PackedEvents random_packed_events(CaseRandom& random, size_t pixels, uint32_t most) {
+    PackedEvents events;
+    events.offset.push_back(0);
+    events.positives.push_back(0);
+    for (size_t p = 0; p < pixels; ++p) {
+        const uint32_t count = random.integer(0, most);
+        std::vector<float> times = random.values(count, -1, 1);
+        for (uint32_t i = 0; i < count; ++i) {
+            switch (random.integer(0, 15)) {
+            case 0:
+                times[i] = -1;
+                break;
+            case 1:
+                times[i] = 1;
+                break;
+            case 2:
+                times[i] = times[i / 2];
+                break;
+            case 3:
+                times[i] = static_cast<float>(random.integer(0, 32)) / 16 - 1;
+                break;
+            default:
+                break;
+            }
+        }
+        std::ranges::sort(times);
+        for (const float time : times) {
+            events.time.push_back(time);
+            const uint32_t positive = random.integer(0, 1);
+            events.mark.push_back(positive << 31 | static_cast<uint32_t>(events.mark.size()));
+            events.positives.push_back(events.positives.back() + positive);
+        }
+        events.offset.push_back(static_cast<uint32_t>(events.mark.size()));
+    }
+    return events;
+}
+
 Trial edi_trial(Device& device, uint32_t trial) {
     const Case& shape = cases[trial % cases.size()];
     const size_t pixels = size_t{shape.width} * shape.height;
     CaseRandom random(400 + trial);
-    const PackedEvents events = random_events(random, pixels, shape.events);
+    const PackedEvents events = random_packed_events(random, pixels, shape.events);
     const std::vector<float> image = random.values(pixels, 0, 1);
     std::vector<double> times(shape.frames);
     for (double& time : times) {
@@ -143,7 +147,7 @@ Trial edi_moments_trial(Device& device, uint32_t trial) {
     const auto [width, height] = moment_sizes[trial % moment_sizes.size()];
     const size_t pixels = size_t{width} * height;
     CaseRandom random(500 + trial);
-    const PackedEvents events = random_events(random, pixels, 12);
+    const PackedEvents events = random_packed_events(random, pixels, 12);
     const std::vector<float> image = random.values(pixels, 0, 1);
     constexpr EdiThresholds thresholds{0.25F, 0.2F};
 

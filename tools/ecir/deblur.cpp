@@ -149,7 +149,7 @@ void add_method(CLI::App& command, Options& o) {
         ->group(group);
     command
         .add_option("--refine", o.job.deblur.refine,
-                    "Refinement iterations; 0: initialisation alone")
+                    "Refinement iterations of E-CIR; 0: initialisation alone")
         ->check(within(0, 1000))
         ->option_text("N [as trained]")
         ->group(group);
@@ -157,7 +157,9 @@ void add_method(CLI::App& command, Options& o) {
         .add_option("--keypoints", o.job.deblur.keypoints, "Must be what the model was trained for")
         ->option_text("N")
         ->group(group);
-    command.add_option("--threshold", o.thresholds, "Of edi: contrast thresholds, else estimated")
+    command
+        .add_option("--threshold", o.thresholds,
+                    "Of edi and fusion networks: contrast thresholds, else estimated")
         ->expected(1, 2)
         ->check(within(0.001, 10))
         ->option_text("C+ [C-]")

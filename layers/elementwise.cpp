@@ -1,0 +1,81 @@
+#include "layers/elementwise.hpp"
+
+#include <array>
+#include <limits>
+
+#include "layers/pixel_dispatch.hpp"
+
+namespace ecir {
+namespace {
+
+enum class Operator : uint32_t { sigmoid, multiply, add };
+
+constexpr uint32_t kSpan = 4; ///< elements an invocation
+
+/// Mirrors the push constants of shaders/elementwise.comp.
+struct Push {
+    PushLayout a;
+    PushLayout b;
+    PushLayout result;
+    uint32_t width = 0;
+    uint32_t channels = 0;
+    float floor = 0;
+};
+static_assert(sizeof(Push) == 60);
+
+void check(const Layout& operand, const Layout& result) {
+    if (operand.channels != result.channels || operand.height != result.height ||
+        operand.width != result.width || operand.block != result.block) {
+        throw Error(ExitCode::device, "elementwise: operand and result differ in shape or block");
+    }
+}
+
+void record(Program& program, Operator op, float operations, const Tensor& a, const Tensor& b,
+            const Tensor& result, float floor = 0) {
+    const Layout& layout = result.layout();
+    Layout largest = layout;
+    for (const Tensor* operand : {&a, &b}) {
+        check(operand->layout(), layout);
+        if (operand->layout().plane_stride() > largest.plane_stride()) {
+            largest = operand->layout();
+        }
+    }
+    const std::array<uint32_t, 2> constants{static_cast<uint32_t>(op), kSpan};
+    const Kernel& kernel = program.device().kernel("elementwise", constants, 3, sizeof(Push));
+    for (const auto& [first, count] :
+         channel_groups(program.device().info(), largest, layout.block)) {
+        const Tensor target = result.channels(first, count);
+        const Tensor left = a.channels(first, count);
+        const Tensor right = b.channels(first, count);
+        Dispatch dispatch;
+        dispatch.kernel = &kernel;
+        dispatch.arguments = {read(left), read(right), update(target)};
+        dispatch.set_push(Push{PushLayout(left), PushLayout(right), PushLayout(target),
+                               layout.width, count, floor});
+        dispatch.groups = {(layout.width * layout.block + 64 * kSpan - 1) / (64 * kSpan),
+                           layout.height, target.layout().blocks()};
+        const double elements = double{1} * count * layout.height * layout.width;
+        dispatch.flops = elements * operations;
+        dispatch.bytes = elements * 4 * (op == Operator::sigmoid ? 2 : 3);
+        dispatch.label = "elementwise";
+        program.add(std::move(dispatch));
+    }
+}
+
+} // namespace
+
+void record_sigmoid(Program& program, const Tensor& a, const Tensor& result) {
+    record(program, Operator::sigmoid, 3, a, a, result);
+}
+
+void record_multiply(Program& program, const Tensor& a, const Tensor& b, const Tensor& result) {
+    record(program, Operator::multiply, 1, a, b, result);
+}
+
+void record_add(Program& program, const Tensor& a, const Tensor& b, const Tensor& result,
+                bool relu) {
+    record(program, Operator::add, relu ? 2 : 1, a, b, result,
+           relu ? 0 : std::numeric_limits<float>::lowest());
+}
+
+} // namespace ecir

@@ -1,0 +1,150 @@
+#include "layers/esl_net.hpp"
+
+#include <algorithm>
+#include <functional>
+#include <iterator>
+
+#include "layers/elementwise.hpp"
+
+namespace ecir {
+namespace {
+
+constexpr uint32_t kChannels = 2 * EslNet::bins; ///< of images and event counts
+constexpr uint32_t kCodes = 128;                 ///< channels of the sparse code
+constexpr uint32_t kRounds = 25;
+constexpr uint32_t kMostBound = 32; ///< 1280x720 fits where 128 MiB can be bound
+
+const std::vector<float>& weight_of(const SafeTensors& weights, const std::string& name,
+                                    uint32_t in, uint32_t out, uint32_t kernel) {
+    return weights.get("esl." + name + ".weight", {out, in, kernel, kernel});
+}
+
+Conv load(Device& device, const SafeTensors& weights, const std::string& name, uint32_t in,
+          uint32_t out, uint32_t kernel) {
+    return {device,
+            {.out_channels = out, .kernel = kernel, .most_bound = kMostBound},
+            {channel_range(0, in)},
+            weight_of(weights, name, in, out, kernel),
+            {}};
+}
+
+/// S2 negated, with the ReLU that follows it.
+Conv load_subtraction(Device& device, const SafeTensors& weights, const std::string& name) {
+    std::vector<float> weight = weight_of(weights, name, kChannels, kCodes, 3);
+    std::ranges::transform(weight, weight.begin(), std::negate{});
+    return {device,
+            {.out_channels = kCodes, .kernel = 3, .relu = true, .most_bound = kMostBound},
+            {channel_range(0, kChannels)},
+            weight,
+            {}};
+}
+
+/// The first event layer on the two polarities of outward_intervals(). The network counts the
+/// events of one distance on both sides together, those before the instant with their sign turned
+/// round; here each side keeps its own channels and finds the common weights.
+Conv load_counts(Device& device, const SafeTensors& weights, const std::string& name) {
+    const auto& published = weight_of(weights, name, kChannels, kChannels, 1);
+    std::vector<float> weight;
+    for (uint32_t out = 0; out < kChannels; ++out) {
+        const auto row = published.begin() + std::ptrdiff_t{out} * kChannels;
+        // Before the instant, farthest first: positives 2k + 1, the others 2k. Then after it.
+        weight.insert(weight.end(), std::make_reverse_iterator(row + kChannels),
+                      std::make_reverse_iterator(row));
+        weight.insert(weight.end(), row, row + kChannels);
+    }
+    return {device,
+            {.out_channels = kChannels, .kernel = 1, .most_bound = kMostBound},
+            {channel_range(0, 2 * kChannels)},
+            weight,
+            {}};
+}
+
+} // namespace
+
+EslNet::EslNet(Device& device, const SafeTensors& weights)
+    : image_d_(load(device, weights, "image_d", 1, kChannels, 1)),
+      event_c1_(load_counts(device, weights, "event_c1")),
+      event_c2_(load(device, weights, "event_c2", kChannels, kChannels, 1)),
+      w1_(load(device, weights, "scn.0.W1", kChannels, kCodes, 3)),
+      s1_(load(device, weights, "scn.0.S1", kCodes, kChannels, 3)),
+      s2_(load_subtraction(device, weights, "scn.0.S2")),
+      w2_(load(device, weights, "W2", kCodes, kChannels, 3)),
+      endconv_(device, kChannels, 3, weight_of(weights, "endconv", kChannels, 1, 3)) {}
+
+void EslNet::record(Program& program, const Tensor& blurry, const Tensor& histogram,
+                    const Tensor& output) const {
+    const Layout& size = blurry.layout();
+    const uint32_t block = channel_block(program.device().info());
+    // Cleared where a convolution reads the zeros around its input.
+    const auto tensor = [&](uint32_t channels, uint32_t halo) {
+        const Tensor made = program.temporary({channels, size.height, size.width, block, halo});
+        if (halo > 0) {
+            program.clear(made);
+        }
+        return made;
+    };
+    const Tensor hidden = tensor(kChannels, 0);
+    const Tensor gate = tensor(kChannels, 0);
+    event_c1_.record(program, histogram, hidden);
+    record_sigmoid(program, hidden, hidden);
+    event_c2_.record(program, hidden, gate);
+    record_sigmoid(program, gate, gate);
+
+    const Tensor image = tensor(kChannels, 0);
+    const Tensor gated = tensor(kChannels, 1);
+    image_d_.record(program, blurry, image);
+    record_multiply(program, image, gate, gated);
+    record_multiply(program, gate, gate, gate); // the rounds gate twice
+
+    const Tensor start = tensor(kCodes, 0);
+    const Tensor code = tensor(kCodes, 1);
+    w1_.record(program, gated, start);
+    record_add(program, code, start, code, true); // the code is 0 so far
+    for (uint32_t round = 0; round < kRounds; ++round) {
+        s1_.record(program, code, image);
+        record_multiply(program, image, gate, gated);
+        record_add(program, code, start, code);
+        s2_.record(program, gated, code, code);
+    }
+    w2_.record(program, code, image);
+    endconv_.record(program, image, output);
+}
+
+EslNetMethod::EslNetMethod(std::shared_ptr<Device> device, const SafeTensors& weights,
+                           uint32_t height, uint32_t width)
+    : device_(std::move(device)), network_(*device_, weights), height_(height), width_(width) {}
+
+void EslNetMethod::build(uint32_t capacity) {
+    program_ = std::make_unique<Program>(*device_);
+    Program& program = *program_;
+    events_ = EventTensors(program, height_, width_, capacity);
+    blurry_ = program.input({1, height_, width_});
+    intervals_ = program.input({1, 1, 4 * EslNet::bins});
+    output_ = program.output({1, height_, width_});
+    const Tensor histogram =
+        program.temporary({4 * EslNet::bins, height_, width_, channel_block(device_->info()), 0});
+    record_event_histogram(program, events_.offset, events_.mark, events_.positives, intervals_,
+                           histogram);
+    network_.record(program, blurry_, histogram, output_);
+    program.finish();
+}
+
+std::span<const float> EslNetMethod::frames(const FrameInput& input) {
+    if (!program_ || input.events.size() > events_.capacity) {
+        build(EventTensors::capacity_for(input.events.size()));
+    }
+    Program& program = *program_;
+    events_.write(program, pack_events(input.events, input.exposure, width_, height_));
+    program.write(blurry_, input.blurry);
+    frames_.clear();
+    for (const double time : input.times) {
+        const auto ranges = outward_intervals(input.events, input.exposure, time, EslNet::bins);
+        program.write(intervals_, std::as_bytes(std::span(ranges)));
+        program.run();
+        const auto frame = program.read(output_);
+        frames_.insert(frames_.end(), frame.begin(), frame.end());
+    }
+    return frames_;
+}
+
+} // namespace ecir

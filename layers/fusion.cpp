@@ -1,0 +1,316 @@
+#include "layers/fusion.hpp"
+
+#include <algorithm>
+#include <charconv>
+
+#include "layers/elementwise.hpp"
+#include "layers/motion.hpp"
+#include "layers/pixel_dispatch.hpp"
+#include "layers/trajectory.hpp"
+#include "runtime/error.hpp"
+
+namespace ecir {
+namespace {
+
+constexpr uint32_t kMostChannels = 1024;
+
+/// The numbers in a metadata entry, as many as `widths` has, divided by spaces.
+void read_widths(const SafeTensors& weights, const std::string& key, std::span<uint32_t> widths) {
+    const std::string text = weights.meta(key);
+    const char* at = text.data();
+    const char* const end = at + text.size();
+    bool good = true;
+    for (uint32_t& width : widths) {
+        at = std::find_if(at, end, [](char c) { return c != ' '; });
+        const auto [stop, error] = std::from_chars(at, end, width);
+        good = good && error == std::errc{} && width >= 1 && width <= kMostChannels;
+        at = stop;
+    }
+    if (!good || at != end) {
+        throw Error(ExitCode::bad_input, "weights file " + weights.path().string() +
+                                             ": metadata '" + key + "' is '" + text +
+                                             "'; it must be " + std::to_string(widths.size()) +
+                                             " numbers from 1 to " + std::to_string(kMostChannels));
+    }
+}
+
+/// Makes convolutions from the tensors `fusion.*` of a weights file, into a table.
+struct Loader {
+    Device& device;
+    const SafeTensors& weights;
+    ConvTable& table;
+
+    [[nodiscard]] const std::vector<float>& get(const std::string& name,
+                                                const std::vector<uint32_t>& shape) const {
+        return weights.get("fusion." + name, shape);
+    }
+    /// inputs: channels of each input tensor.
+    void add(const std::string& name, const std::vector<uint32_t>& inputs, const ConvDesc& desc,
+             bool has_bias = true) {
+        std::vector<ChannelMap> maps;
+        uint32_t in = 0;
+        for (const uint32_t channels : inputs) {
+            maps.push_back(channel_range(in, channels));
+            in += channels;
+        }
+        const uint32_t out = desc.out_channels;
+        const auto& weight =
+            get(name + ".weight",
+                {desc.transposed ? in : out, desc.transposed ? out : in, desc.kernel, desc.kernel});
+        std::span<const float> bias;
+        if (has_bias) {
+            bias = get(name + ".bias", {out});
+        }
+        table.emplace(name, Conv(device, desc, maps, weight, bias));
+    }
+    void plain(const std::string& name, uint32_t in, uint32_t out) {
+        add(name, {in}, {.out_channels = out});
+    }
+    void down(const std::string& name, const std::vector<uint32_t>& inputs, uint32_t out,
+              uint32_t kernel = 3) {
+        add(name, inputs, {.out_channels = out, .kernel = kernel, .stride = 2, .relu = true});
+    }
+    void up(const std::string& name, uint32_t in, uint32_t out) {
+        add(name + ".conv", {in},
+            {.out_channels = out, .stride = 2, .transposed = true, .relu = true});
+    }
+    void residual(const std::string& name, uint32_t channels) {
+        for (const char* part : {".a", ".b"}) {
+            add(name + part, {channels}, {.out_channels = channels, .relu = true});
+        }
+    }
+    /// To the coefficients of the head's features, each set filled up to whole blocks.
+    void basis(const std::string& name, uint32_t in, uint32_t channels) {
+        const std::vector<float>& weight =
+            get(name + ".weight", {fusion_basis * channels, in, 3, 3});
+        const std::vector<float>& bias = get(name + ".bias", {fusion_basis * channels});
+        const uint32_t padded =
+            padded_channels({.channels = channels, .block = channel_block(device.info())});
+        const size_t row = size_t{in} * 9;
+        std::vector<float> weights_padded(size_t{fusion_basis} * padded * row);
+        std::vector<float> bias_padded(size_t{fusion_basis} * padded);
+        for (size_t c = 0; c < bias.size(); ++c) {
+            const size_t to = c / channels * padded + c % channels;
+            std::copy_n(weight.begin() + static_cast<ptrdiff_t>(c * row), row,
+                        weights_padded.begin() + static_cast<ptrdiff_t>(to * row));
+            bias_padded[to] = bias[c];
+        }
+        table.emplace(name, Conv(device, {.out_channels = fusion_basis * padded},
+                                 {channel_range(0, in)}, weights_padded, bias_padded));
+    }
+};
+
+/// relu(x + b(relu(a(x)))) in place; `inner` has the layout of x.
+void record_residual(Program& program, const ConvTable& convs, const std::string& name,
+                     const Tensor& x, const Tensor& inner) {
+    convs.at(name + ".a").record(program, x, inner);
+    convs.at(name + ".b").record(program, inner, x, x);
+}
+
+/// A tensor that convolutions read, with zeros around it.
+Tensor cleared(Program& program, Layout layout, uint32_t halo = 1) {
+    layout.halo = halo;
+    const Tensor tensor = program.temporary(layout);
+    program.clear(tensor);
+    return tensor;
+}
+
+/// Layout of `channels` at a size divided by `divisor`, rounded up.
+Layout level(const Program& program, uint32_t channels, uint32_t height, uint32_t width,
+             uint32_t divisor) {
+    return {channels, (height + divisor - 1) / divisor, (width + divisor - 1) / divisor,
+            channel_block(program.device().info())};
+}
+
+} // namespace
+
+FusionWidths::FusionWidths(const SafeTensors& weights) {
+    read_widths(weights, "trunk", trunk);
+    read_widths(weights, "head", head);
+}
+
+FusionTrunk::FusionTrunk(Device& device, const SafeTensors& weights, const FusionWidths& widths)
+    : widths_(widths) {
+    const auto [a, b, c, d] = widths.trunk;
+    Loader load{device, weights, convs_};
+    load.down("trunk.down1", {anchor_count, anchor_count}, a); // anchors; blurry frame and counts
+    load.down("trunk.down2", {a}, b);
+    load.residual("trunk.res2", b);
+    load.down("trunk.down3", {b}, c);
+    load.add("trunk.motion", {2 * anchor_count}, {.out_channels = c}, false);
+    load.residual("trunk.res3", c);
+    load.down("trunk.down4", {c}, d);
+    load.residual("trunk.res4", d);
+    load.residual("trunk.res5", d);
+    load.up("trunk.up3", d, c);
+    load.residual("trunk.res6", c);
+    load.up("trunk.up2", c, b);
+    load.residual("trunk.res7", b);
+    load.basis("trunk.feature", b, widths.head[2]);
+}
+
+Tensor FusionTrunk::record(Program& program, const PriorExposure& exposure,
+                           const Tensor& velocity) const {
+    const auto [a, b, c, d] = widths_.trunk;
+    const uint32_t height = exposure.anchors.layout().height;
+    const uint32_t width = exposure.anchors.layout().width;
+    const auto at = [&](uint32_t channels, uint32_t divisor) {
+        return level(program, channels, height, width, divisor);
+    };
+    const auto conv = [&](const char* name) -> const Conv& {
+        return convs_.at(std::string("trunk.") + name);
+    };
+    const auto residual = [&](const char* name, const Tensor& x, const Tensor& inner) {
+        record_residual(program, convs_, std::string("trunk.") + name, x, inner);
+    };
+    const Tensor x1 = cleared(program, at(a, 2));
+    const Tensor x2 = cleared(program, at(b, 4));
+    const Tensor inner2 = cleared(program, at(b, 4));
+    const Tensor x3 = cleared(program, at(c, 8));
+    const Tensor inner3 = cleared(program, at(c, 8));
+    const Tensor x4 = cleared(program, at(d, 16));
+    const Tensor inner4 = cleared(program, at(d, 16));
+
+    const std::array inputs = {exposure.anchors, exposure.context};
+    conv("down1").record(program, inputs, x1);
+    conv("down2").record(program, x1, x2);
+    residual("res2", x2, inner2);
+    conv("motion").record(program, velocity, x3);
+    conv("down3").record(program, x2, x3, x3);
+    residual("res3", x3, inner3);
+    conv("down4").record(program, x3, x4);
+    residual("res4", x4, inner4);
+    residual("res5", x4, inner4);
+    conv("up3.conv").record(program, x4, x3, x3);
+    residual("res6", x3, inner3);
+    conv("up2.conv").record(program, x3, x2, x2);
+    residual("res7", x2, inner2);
+    const Tensor features = program.temporary(fusion_basis_layout(at(widths_.head[2], 4)));
+    conv("feature").record(program, x2, features);
+    return features;
+}
+
+FusionHead::FusionHead(Device& device, const SafeTensors& weights, const FusionWidths& widths)
+    : widths_(widths), out_(device, widths.head[0], 3,
+                            weights.get("fusion.head.out.weight", {1, widths.head[0], 3, 3}),
+                            weights.get("fusion.head.out.bias", {1}).front()) {
+    const auto [a, b, c] = widths.head;
+    Loader load{device, weights, convs_};
+    load.add("head.skip", {plane_count}, {.out_channels = a}, false);
+    load.down("head.down1", {plane_count}, b, 5);
+    load.down("head.down2", {b}, c);
+    load.residual("head.res2", c);
+    load.residual("head.res3", c);
+    load.up("head.up1", c, b);
+    load.residual("head.res1", b);
+    load.up("head.up0", b, a);
+}
+
+FusionHead::Tensors FusionHead::prepare(Program& program, uint32_t height, uint32_t width) const {
+    const auto [a, b, c] = widths_.head;
+    const Layout half = level(program, b, height, width, 2);
+    const Layout quarter = level(program, c, height, width, 4);
+    Tensors t;
+    t.planes = cleared(program, {plane_count, height, width}, 2);
+    t.mixed = program.temporary(quarter);
+    t.x0 = program.temporary(level(program, a, height, width, 1));
+    t.x1 = cleared(program, half);
+    t.inner1 = cleared(program, half);
+    t.x2 = cleared(program, quarter);
+    t.inner2 = cleared(program, quarter);
+    return t;
+}
+
+void FusionHead::record(Program& program, const Tensors& t, const Tensor& frame) const {
+    convs_.at("head.down1").record(program, t.planes, t.x1);
+    convs_.at("head.down2").record(program, t.x1, t.x2, t.mixed);
+    record_residual(program, convs_, "head.res2", t.x2, t.inner2);
+    record_residual(program, convs_, "head.res3", t.x2, t.inner2);
+    convs_.at("head.up1.conv").record(program, t.x2, t.x1, t.x1);
+    record_residual(program, convs_, "head.res1", t.x1, t.inner1);
+    convs_.at("head.skip").record(program, t.planes, t.x0);
+    convs_.at("head.up0.conv").record(program, t.x1, t.x0, t.x0);
+    out_.record(program, t.x0, frame, t.planes.channels(0, 1)); // channel 0 is the prior
+}
+
+FusionMethod::FusionMethod(std::shared_ptr<Device> device, const SafeTensors& weights,
+                           uint32_t height, uint32_t width, std::optional<EdiThresholds> thresholds,
+                           bool correct)
+    : device_(std::move(device)), trunk_(*device_, weights, FusionWidths(weights)),
+      head_(*device_, weights, FusionWidths(weights)), height_(height), width_(width),
+      thresholds_(*device_, width, height, thresholds), correct_(correct) {}
+
+void FusionMethod::build(uint32_t frames, uint32_t capacity) {
+    program_ = std::make_unique<Program>(*device_);
+    Program& program = *program_;
+    events_ = EventTensors(program, height_, width_, capacity);
+    blurry_ = program.input({1, height_, width_});
+    threshold_input_ = program.input({1, 1, 2});
+    instants_ = program.input(instant_layout(frames));
+    output_ = program.output({frames, height_, width_});
+    const PriorInput input{events_.offset,    events_.time, events_.mark,
+                           events_.positives, blurry_,      threshold_input_};
+
+    PriorExposure exposure;
+    exposure.anchors = cleared(program, {anchor_count, height_, width_}, FusionTrunk::kInputHalo);
+    exposure.context = cleared(program, {anchor_count, height_, width_}, FusionTrunk::kInputHalo);
+    exposure.base = program.temporary({1, height_, width_});
+    exposure.logarithms =
+        program.temporary({prior_windows + 1, (height_ + 1) / 2, (width_ + 1) / 2});
+    record_prior(program, input, exposure);
+    if (correct_) {
+        record_corrected_frames(input, exposure);
+    } else {
+        record_prior_frames(input, exposure);
+    }
+    program.finish();
+    count_ = frames;
+}
+
+void FusionMethod::record_corrected_frames(const PriorInput& input, const PriorExposure& exposure) {
+    Program& program = *program_;
+    const Tensor velocity = program.temporary(motion_layout(height_, width_));
+    const Tensor channels = cleared(program, level(program, 2 * anchor_count, height_, width_, 8));
+    record_motion(program, exposure.logarithms, velocity, channels);
+    const Tensor features = trunk_.record(program, exposure, channels);
+
+    const FusionHead::Tensors head = head_.prepare(program, height_, width_);
+    const Tensor away = program.temporary(velocity.layout());
+    for (uint32_t i = 0; i < output_.layout().channels; ++i) {
+        const Tensor instant = instants_.channels(i, 1);
+        record_prior_frame(program, input, exposure.base, instant, head.planes);
+        record_trajectory(program, velocity, instant, away);
+        record_fusion_fetch(program, exposure.anchors, away, instant, head.planes);
+        record_fusion_mix(program, features, instant, head.mixed);
+        head_.record(program, head, output_.channels(i, 1));
+    }
+}
+
+void FusionMethod::record_prior_frames(const PriorInput& input, const PriorExposure& exposure) {
+    Program& program = *program_;
+    const Tensor planes = program.temporary({plane_count, height_, width_});
+    const Tensor nothing = cleared(program, {1, height_, width_}, 0);
+    for (uint32_t i = 0; i < output_.layout().channels; ++i) {
+        record_prior_frame(program, input, exposure.base, instants_.channels(i, 1), planes);
+        record_add(program, planes.channels(0, 1), nothing, output_.channels(i, 1));
+    }
+}
+
+std::span<const float> FusionMethod::frames(const FrameInput& input) {
+    const auto count = static_cast<uint32_t>(input.times.size());
+    if (!program_ || count != count_ || input.events.size() > events_.capacity) {
+        build(count, EventTensors::capacity_for(input.events.size()));
+    }
+    Program& program = *program_;
+    const PackedEvents packed = pack_events(input.events, input.exposure, width_, height_);
+    const EdiThresholds thresholds = thresholds_.choose(packed, input.blurry);
+    events_.write(program, packed);
+    program.write(blurry_, input.blurry);
+    program.write(threshold_input_, std::span<const float>(&thresholds.positive, 2));
+    const auto instants = make_instants(input.times);
+    program.write(instants_, std::as_bytes(std::span(instants)));
+    program.run();
+    return program.read(output_);
+}
+
+} // namespace ecir

@@ -1,0 +1,105 @@
+#pragma once
+#include <array>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "layers/conv_plane.hpp"
+#include "layers/edi_threshold.hpp"
+#include "layers/fusion_mix.hpp"
+#include "layers/method.hpp"
+#include "weights/safetensors.hpp"
+
+namespace ecir {
+
+/// Channels of the fusion network (tools/train/fusion.py), from the metadata `trunk` and `head` of
+/// a weights file.
+struct FusionWidths {
+    std::array<uint32_t, 4> trunk{}; ///< at 1/2, 1/4, 1/8 and 1/16 of the size
+    std::array<uint32_t, 3> head{};  ///< at the full size, at 1/2 and 1/4
+
+    /// Throws Error(bad_input) for metadata that is missing or out of range.
+    explicit FusionWidths(const SafeTensors& weights);
+};
+
+/// Convolutions by their names in a weights file, without the prefix.
+using ConvTable = std::map<std::string, Conv>;
+
+/// Once an exposure: features for the head.
+class FusionTrunk {
+public:
+    FusionTrunk(Device& device, const SafeTensors& weights, const FusionWidths& widths);
+
+    /// Returns the features, fusion_basis_layout() of the head's last width at a quarter of the
+    /// size. exposure: record_prior()'s, with the halo kInputHalo; velocity: record_motion()'s
+    /// channels with that halo, block channel_block(), what fills up the last block finite.
+    Tensor record(Program& program, const PriorExposure& exposure, const Tensor& velocity) const;
+
+    static constexpr uint32_t kInputHalo = 1;
+
+private:
+    FusionWidths widths_;
+    ConvTable convs_;
+};
+
+/// Once a wanted time: the prior, corrected.
+class FusionHead {
+public:
+    FusionHead(Device& device, const SafeTensors& weights, const FusionWidths& widths);
+
+    /// Tensors of one frame, of which all frames of a program make use in turn.
+    struct Tensors {
+        Tensor planes, mixed, x0, x1, inner1, x2, inner2;
+    };
+    Tensors prepare(Program& program, uint32_t height, uint32_t width) const;
+
+    /// From t.planes and t.mixed to the frame, 1 channel of any layout.
+    void record(Program& program, const Tensors& t, const Tensor& frame) const;
+
+private:
+    FusionWidths widths_;
+    ConvTable convs_;
+    ConvPlane out_;
+};
+
+/// Sharp frames by the fusion network: frames of the event-driven prior, brought together along
+/// estimated motion and corrected.
+class FusionMethod : public Method {
+public:
+    /// `thresholds`: given, else estimated from each frame and its events. `correct`: false for
+    /// the prior alone.
+    FusionMethod(std::shared_ptr<Device> device, const SafeTensors& weights, uint32_t height,
+                 uint32_t width, std::optional<EdiThresholds> thresholds, bool correct = true);
+
+    std::span<const float> frames(const FrameInput& input) override;
+
+    [[nodiscard]] std::optional<EdiThresholds> thresholds() const override {
+        return thresholds_.used();
+    }
+    /// Time of each dispatch of a run with the last input.
+    std::vector<DispatchTime> profile() { return program_->profile(); }
+
+private:
+    void build(uint32_t frames, uint32_t capacity);
+    void record_prior_frames(const PriorInput& input, const PriorExposure& exposure);
+    void record_corrected_frames(const PriorInput& input, const PriorExposure& exposure);
+
+    std::shared_ptr<Device> device_;
+    FusionTrunk trunk_;
+    FusionHead head_;
+    uint32_t height_;
+    uint32_t width_;
+    EdiThresholdSource thresholds_;
+    bool correct_;
+
+    uint32_t count_ = 0; ///< frames that program_ makes
+    std::unique_ptr<Program> program_;
+    EventTensors events_;
+    Tensor blurry_;
+    Tensor threshold_input_;
+    Tensor instants_;
+    Tensor output_;
+};
+
+} // namespace ecir

@@ -1,0 +1,19 @@
+#pragma once
+#include "layers/prior.hpp"
+
+namespace ecir {
+
+/// Layout of the polynomials' coefficients for `mixed` features: those of T_0, then T_1, ... One
+/// set takes whole blocks, whose last channels may be more than the layout of `mixed` has.
+inline constexpr uint32_t fusion_basis = 4;
+Layout fusion_basis_layout(const Layout& mixed);
+
+/// Records mixed = sum over k of T_k(t) features(k), Chebyshev polynomials of the instant's time.
+/// features  of fusion_basis_layout(mixed); mixed: no halo, its block a multiple of 4, what fills
+/// up
+///           the last one is written too; instant: one channel of instant_layout()
+/// Throws Error(bad_input) for shapes that do not match.
+void record_fusion_mix(Program& program, const Tensor& features, const Tensor& instant,
+                       const Tensor& mixed);
+
+} // namespace ecir

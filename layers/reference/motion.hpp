@@ -1,0 +1,22 @@
+#pragma once
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "layers/motion.hpp"
+#include "layers/operations.hpp"
+
+namespace ecir::reference {
+
+/// What record_motion() computes, in double precision: velocities [2 *
+/// anchor_count][rows][columns]. logarithms: [prior_windows + 1][height][width].
+std::vector<double> motion(std::span<const float> logarithms, uint32_t height, uint32_t width);
+
+} // namespace ecir::reference
+
+namespace ecir {
+
+/// Cases of record_motion() (layers/motion.hpp).
+Trial motion_trial(Device& device, uint32_t trial);
+
+} // namespace ecir

@@ -1,0 +1,219 @@
+#include "layers/reference/trajectory.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numeric>
+#include <string>
+
+#include "layers/elementwise.hpp"
+
+namespace ecir::reference {
+namespace {
+
+constexpr double cell = 8; ///< pixels a side
+constexpr double gap = 0.25;
+
+/// Bilinear value of an image, samples at whole coordinates, the border's value outside.
+double bilinear(std::span<const float> image, uint32_t height, uint32_t width, double y, double x) {
+    y = std::clamp(y, 0.0, height - 1.0);
+    x = std::clamp(x, 0.0, width - 1.0);
+    const auto row = static_cast<size_t>(y);
+    const auto column = static_cast<size_t>(x);
+    const size_t below = std::min<size_t>(row + 1, height - 1);
+    const size_t beside = std::min<size_t>(column + 1, width - 1);
+    const double down = y - static_cast<double>(row);
+    const double right = x - static_cast<double>(column);
+    const auto at = [&](size_t v, size_t u) { return double{image[v * width + u]}; };
+    return (1 - down) * ((1 - right) * at(row, column) + right * at(row, beside)) +
+           down * ((1 - right) * at(below, column) + right * at(below, beside));
+}
+
+} // namespace
+
+std::vector<double> trajectory(std::span<const float> velocity, double time, uint32_t rows,
+                               uint32_t columns) {
+    const size_t plane = size_t{rows} * columns;
+    const double place = (time + 1) / gap;
+    const int below = std::min(static_cast<int>(place), static_cast<int>(anchor_count) - 2);
+    const auto channel = [&](int anchor, size_t i) {
+        return velocity.subspan((2 * static_cast<size_t>(anchor) + i) * plane, plane);
+    };
+    /// At a position in pixels.
+    const auto speed_at = [&](int anchor, std::array<double, 2> p) {
+        std::array<double, 2> speed{};
+        for (size_t i = 0; i < 2; ++i) {
+            speed.at(i) = bilinear(channel(anchor, i), rows, columns, (p[1] + 0.5) / cell - 0.5,
+                                   (p[0] + 0.5) / cell - 0.5);
+        }
+        return speed;
+    };
+    std::vector<double> away(velocity.size());
+    for (size_t at = 0; at < plane; ++at) {
+        const size_t row = at / columns;
+        const size_t column = at % columns;
+        const std::array<double, 2> centre = {static_cast<double>(column) * cell + (cell - 1) / 2,
+                                              static_cast<double>(row) * cell + (cell - 1) / 2};
+        for (const int direction : {-1, 1}) {
+            auto position = centre;
+            std::array<double, 2> speed{};
+            for (size_t i = 0; i < 2; ++i) {
+                const double share = place - below;
+                speed.at(i) =
+                    (1 - share) * channel(below, i)[at] + share * channel(below + 1, i)[at];
+            }
+            double now = place;
+            for (int anchor = direction < 0 ? below : below + 1;
+                 anchor >= 0 && anchor < static_cast<int>(anchor_count); anchor += direction) {
+                const double span = (anchor - now) * gap;
+                const auto ahead = speed_at(
+                    anchor, {position[0] + span * speed[0], position[1] + span * speed[1]});
+                for (size_t i = 0; i < 2; ++i) {
+                    position.at(i) += span / 2 * (speed.at(i) + ahead.at(i));
+                    away[(2 * static_cast<size_t>(anchor) + i) * plane + at] =
+                        position.at(i) - centre.at(i);
+                }
+                speed = speed_at(anchor, position);
+                now = anchor;
+            }
+        }
+    }
+    return away;
+}
+
+std::vector<double> fusion_fetch(std::span<const float> anchors, std::span<const float> away,
+                                 std::span<const float> prior, double time, uint32_t height,
+                                 uint32_t width) {
+    const Layout cells = motion_layout(height, width);
+    const size_t field = size_t{cells.height} * cells.width;
+    const size_t plane = size_t{height} * width;
+    std::array<size_t, anchor_count> order{};
+    std::iota(order.begin(), order.end(), size_t{0});
+    std::ranges::stable_sort(
+        order, {}, [&](size_t a) { return std::abs((time + 1) / gap - static_cast<double>(a)); });
+    std::vector<double> result;
+    for (const size_t anchor : order) {
+        for (size_t p = 0; p < plane; ++p) {
+            const size_t line = p / width;
+            const auto y = static_cast<double>(line);
+            const auto x = static_cast<double>(p % width);
+            const auto moved = [&](size_t i) {
+                return bilinear(away.subspan((2 * anchor + i) * field, field), cells.height,
+                                cells.width, (y + 0.5) / cell - 0.5, (x + 0.5) / cell - 0.5);
+            };
+            const double column = x + moved(0);
+            const double row = y + moved(1);
+            const bool inside =
+                row >= -0.5 && column >= -0.5 && row <= height - 0.5 && column <= width - 0.5;
+            result.push_back(inside ? bilinear(anchors.subspan(anchor * plane, plane), height,
+                                               width, row, column) -
+                                          prior[p]
+                                    : 0);
+        }
+    }
+    return result;
+}
+
+} // namespace ecir::reference
+
+namespace ecir {
+namespace {
+
+struct Case {
+    uint32_t height, width; ///< pixels
+    double time;
+    double speed; ///< most, pixels a unit of time; of displacements, pixels
+};
+
+constexpr std::array<Case, 9> cases = {{
+    {16, 16, 0.3, 10},
+    {17, 33, -1, 30},
+    {45, 61, 1, 60},
+    {64, 40, 0.125, 20}, // half-way between anchors
+    {31, 90, 0.25, 0},   // at an anchor
+    {1, 1, -0.9, 5},
+    {8, 530, 0.8, 160},
+    {49, 51, -0.125, 8},
+    {24, 23, -0.6, 300},
+}};
+
+std::string describe(const Case& shape) {
+    return std::to_string(shape.width) + "x" + std::to_string(shape.height) + " at " +
+           std::to_string(shape.time) + ", up to " + std::to_string(static_cast<int>(shape.speed));
+}
+
+/// Two instants, of which the second is the case's; write_instants() fills them.
+void write_instants(Program& program, const Tensor& instants, const Case& shape) {
+    const std::vector<Instant> both = {Instant(0.5), Instant(shape.time)};
+    program.write(instants, std::as_bytes(std::span(both)));
+}
+
+} // namespace
+
+Trial trajectory_trial(Device& device, uint32_t trial) {
+    Case shape = cases.at(trial % cases.size());
+    shape.time = double{static_cast<float>(shape.time)};
+    CaseRandom random(1000 + trial);
+    Trial result;
+    result.shape = describe(shape) + " pixels a unit of time";
+    result.program = std::make_unique<Program>(device);
+    Program& program = *result.program;
+    const Layout layout = motion_layout(shape.height, shape.width);
+    // Alike all over, but for so little that paths do not part: rounding would part them as well.
+    const auto common = random.values(layout.channels, -shape.speed, shape.speed);
+    auto values = random.values(size_t{layout.channels} * layout.height * layout.width, -4, 4);
+    for (size_t i = 0; i < values.size(); ++i) {
+        values[i] = shape.speed > 0 ? values[i] + common[i / layout.height / layout.width] : 0;
+    }
+    const Tensor velocity = program.input(layout);
+    const Tensor instants = program.input(instant_layout(2));
+    result.output = program.output(layout);
+    record_trajectory(program, velocity, instants.channels(1, 1), result.output);
+    program.finish();
+    program.write(velocity, from_dense(layout, values));
+    write_instants(program, instants, shape);
+    result.reference = reference::trajectory(values, shape.time, layout.height, layout.width);
+    return result;
+}
+
+Trial fusion_fetch_trial(Device& device, uint32_t trial) {
+    Case shape = cases.at(trial % cases.size());
+    shape.time = double{static_cast<float>(shape.time)};
+    CaseRandom random(1100 + trial);
+    Trial result;
+    result.shape = describe(shape) + " pixels away";
+    result.program = std::make_unique<Program>(device);
+    Program& program = *result.program;
+    const size_t pixels = size_t{shape.height} * shape.width;
+    const Layout cells = motion_layout(shape.height, shape.width);
+    const uint32_t block = trial % 2 == 0 ? 1 : 8;
+    const Layout layout{plane_count, shape.height, shape.width, block, 2};
+    // Of little contrast, since the kernel knows where it is within half a unit in the last place.
+    const auto frames = random.values(anchor_count * pixels, 0.4, 0.6);
+    const auto displacements = random.values(size_t{cells.channels} * cells.height * cells.width,
+                                             -shape.speed, shape.speed);
+    const auto before = random.values(plane_count * pixels, 0, 1);
+    const Tensor anchors = program.input({anchor_count, shape.height, shape.width, 1, 1});
+    const Tensor away = program.input(cells);
+    const Tensor planes = program.input(layout);
+    const Tensor instants = program.input(instant_layout(2));
+    const Tensor zero = program.temporary(layout);
+    result.output = program.output(layout);
+    program.clear(zero);
+    program.clear(result.output);
+    record_add(program, planes, zero, result.output); // a copy
+    record_fusion_fetch(program, anchors, away, instants.channels(1, 1), result.output);
+    program.finish();
+    program.write(anchors, from_dense(anchors.layout(), frames));
+    program.write(away, from_dense(cells, displacements));
+    program.write(planes, from_dense(layout, before));
+    write_instants(program, instants, shape);
+    const auto fetched =
+        reference::fusion_fetch(frames, displacements, std::span(before).first(pixels), shape.time,
+                                shape.height, shape.width);
+    result.reference.assign(before.begin(), before.end());
+    std::ranges::copy(fetched, result.reference.begin() + static_cast<ptrdiff_t>(2 * pixels));
+    return result;
+}
+
+} // namespace ecir

@@ -1,0 +1,30 @@
+#pragma once
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "layers/operations.hpp"
+#include "layers/trajectory.hpp"
+
+namespace ecir::reference {
+
+/// What record_trajectory() computes at a time, in double precision: [2 * anchor_count][rows]
+/// [columns], as is `velocity`.
+std::vector<double> trajectory(std::span<const float> velocity, double time, uint32_t rows,
+                               uint32_t columns);
+
+/// What record_fusion_fetch() computes at a time: the differences [anchor_count][height][width],
+/// nearest anchor first. away: as trajectory()'s result; prior: one frame.
+std::vector<double> fusion_fetch(std::span<const float> anchors, std::span<const float> away,
+                                 std::span<const float> prior, double time, uint32_t height,
+                                 uint32_t width);
+
+} // namespace ecir::reference
+
+namespace ecir {
+
+/// Cases of record_trajectory() and of record_fusion_fetch() (layers/trajectory.hpp).
+Trial trajectory_trial(Device& device, uint32_t trial);
+Trial fusion_fetch_trial(Device& device, uint32_t trial);
+
+} // namespace ecir

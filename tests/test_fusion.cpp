@@ -1,0 +1,180 @@
+#include <doctest/doctest.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "layers/deblur.hpp"
+#include "layers/fusion.hpp"
+#include "layers/motion.hpp"
+#include "layers/operations.hpp"
+#include "layers/reference/histogram.hpp"
+#include "runtime/error.hpp"
+#include "tests/fixture.hpp"
+
+using namespace ecir;
+using ecir::test::Fixture;
+
+namespace {
+
+/// The fixture's times are not even ones.
+struct FusionFixture : Fixture {
+    EdiThresholds thresholds;
+
+    FusionFixture() : Fixture("fusion-61x45") {
+        const auto& exact = file.get("input.times").values;
+        times.assign(exact.begin(), exact.end());
+        const auto& both = file.get("input.thresholds", {2});
+        thresholds = {both[0], both[1]};
+    }
+    [[nodiscard]] DeblurOptions options() const {
+        DeblurOptions options;
+        options.model = file.path().string();
+        options.thresholds = thresholds;
+        return options;
+    }
+};
+
+bool all_finite(std::span<const float> values) {
+    return std::ranges::all_of(values, [](float value) { return std::isfinite(value); });
+}
+
+} // namespace
+
+TEST_SUITE("fusion") {
+    TEST_CASE("the whole method agrees with PyTorch within 1e-4") {
+        const auto device = Device::open();
+        const FusionFixture fixture;
+        FusionMethod method(device, fixture.file, fixture.height, fixture.width,
+                            fixture.thresholds);
+        const double difference =
+            fixture.difference(method.frames(fixture.input()), "output.frames", 1);
+        MESSAGE("largest difference ", difference);
+        CHECK(difference < 1e-4);
+    }
+
+    TEST_CASE("the motion agrees with numpy within 1e-3 pixels a unit of time") {
+        const auto device = Device::open();
+        const FusionFixture fixture;
+        const uint32_t height = fixture.height;
+        const uint32_t width = fixture.width;
+        Program program(*device);
+        const EventTensors events(program, height, width,
+                                  EventTensors::capacity_for(fixture.events.size()));
+        const Tensor blurry = program.input({1, height, width});
+        const Tensor thresholds = program.input({1, 1, 2});
+        const PriorExposure exposure{
+            program.temporary({anchor_count, height, width}),
+            program.temporary({anchor_count, height, width}), program.temporary({1, height, width}),
+            program.temporary({prior_windows + 1, (height + 1) / 2, (width + 1) / 2})};
+        const Tensor velocity = program.output(motion_layout(height, width));
+        const Layout& field = velocity.layout();
+        record_prior(
+            program,
+            {events.offset, events.time, events.mark, events.positives, blurry, thresholds},
+            exposure);
+        record_motion(program, exposure.logarithms, velocity,
+                      program.temporary({field.channels, field.height, field.width}));
+        program.finish();
+        events.write(program, pack_events(fixture.events.view(), fixture.exposure, width, height));
+        program.write(blurry, fixture.file.get("input.blurry").values);
+        program.write(thresholds, fixture.file.get("input.thresholds").values);
+        program.run();
+        const auto found = to_dense(field, program.read(velocity));
+        const auto& expected = fixture.file.get("output.velocity").values;
+        REQUIRE(found.size() == expected.size());
+        for (size_t i = 0; i < found.size(); ++i) {
+            REQUIRE(std::abs(found[i] - expected[i]) < 1e-3F);
+        }
+    }
+
+    TEST_CASE("times in any number give the same bits as among others") {
+        const auto device = Device::open();
+        const FusionFixture fixture;
+        FusionMethod method(device, fixture.file, fixture.height, fixture.width,
+                            fixture.thresholds);
+        const auto first = method.frames(fixture.input());
+        const std::vector<float> kept(first.begin(), first.end());
+        CHECK(std::ranges::equal(kept, method.frames(fixture.input())));
+
+        const size_t pixels = size_t{fixture.width} * fixture.height;
+        const std::array twice = {fixture.times[1], fixture.times[1]};
+        FrameInput input = fixture.input();
+        input.times = twice;
+        const auto frames = method.frames(input);
+        REQUIRE(frames.size() == 2 * pixels);
+        CHECK(std::ranges::equal(frames.first(pixels), std::span(kept).subspan(pixels, pixels)));
+        CHECK(std::ranges::equal(frames.first(pixels), frames.last(pixels)));
+    }
+
+    TEST_CASE("the anchors' ranks: nearest first, the earlier of two at one distance") {
+        using Ranks = std::array<uint32_t, anchor_count>;
+        CHECK(Instant(-1).rank == Ranks{0, 1, 2, 3, 4, 5, 6, 7, 8});
+        CHECK(Instant(1).rank == Ranks{8, 7, 6, 5, 4, 3, 2, 1, 0});
+        CHECK(Instant(0).rank == Ranks{7, 5, 3, 1, 0, 2, 4, 6, 8});
+        CHECK(Instant(0.125).rank == Ranks{8, 6, 4, 2, 0, 1, 3, 5, 7});
+        CHECK(Instant(1).below == 7);
+        CHECK(Instant(0.25).below == 5);
+        CHECK(Instant(0.2499).below == 4);
+        CHECK_THROWS_AS(Instant(1.0001), Error);
+        CHECK_THROWS_AS(Instant(std::nan("")), Error);
+    }
+
+    TEST_CASE("thresholds given or estimated, and the options that it lacks") {
+        const auto device = Device::open();
+        const FusionFixture fixture;
+        const auto& blurry = fixture.file.get("input.blurry").values;
+        const auto run = [&](const DeblurOptions& options) {
+            Deblur deblur(device, options, fixture.width, fixture.height);
+            CHECK(all_finite(
+                deblur.frames(blurry, fixture.events.view(), fixture.exposure, fixture.times)));
+            return deblur.thresholds();
+        };
+        DeblurOptions options = fixture.options();
+        CHECK(run(options) == fixture.thresholds);
+        options.thresholds.reset();
+        const auto estimated = run(options);
+        REQUIRE(estimated.has_value());
+        CHECK(*estimated != fixture.thresholds);
+        options.model = "edi";
+        CHECK(run(options) == estimated);
+
+        const auto refused = [&](const DeblurOptions& wrong) {
+            try {
+                Deblur(device, wrong, fixture.width, fixture.height);
+            } catch (const Error& error) {
+                return error.code() == ExitCode::usage;
+            }
+            return false;
+        };
+        DeblurOptions wrong = fixture.options();
+        wrong.keypoints = 10;
+        CHECK(refused(wrong));
+        CHECK_THROWS_WITH_AS(FusionMethod(device, Fixture("ecir-paper-173x131").file, 16, 16, {}),
+                             doctest::Contains("'trunk'"), Error);
+    }
+
+    TEST_CASE("the smallest image, no events, more events than before, and very many at a pixel") {
+        const auto device = Device::open();
+        const FusionFixture fixture;
+        FusionMethod method(device, fixture.file, 17, 16, EdiThresholds{});
+        CaseRandom random(4);
+        const auto blurry = random.values(size_t{17} * 16, 0, 1);
+        const std::array times = {-1.0, 0.1, 1.0};
+        const Exposure exposure{0, 100'000};
+        for (const uint32_t count : {0U, 20'000U}) {
+            const Events events = random_events(random, exposure, 16, 17, count, 32);
+            const auto frames = method.frames({blurry, events.view(), exposure, times});
+            CHECK(frames.size() == times.size() * blurry.size());
+            CHECK(all_finite(frames));
+        }
+        // More than the kernels take: as if there were none.
+        Events busy;
+        for (int64_t i = 0; i < 70'000; ++i) {
+            busy.push_back(i, 5, 5, static_cast<uint8_t>(i % 2));
+        }
+        const auto frames = method.frames({blurry, busy.view(), exposure, times});
+        const std::vector<float> kept(frames.begin(), frames.end());
+        CHECK(std::ranges::equal(kept, method.frames({blurry, {}, exposure, times})));
+    }
+}
