@@ -45,6 +45,10 @@ Conv::Conv(Device& device, const ConvDesc& desc, const std::vector<ChannelMap>& 
         fail("weight has " + std::to_string(weight.size()) + " values, the shape needs " +
              std::to_string(wanted));
     }
+    if (desc.most_bound % block_ != 0) {
+        fail("most_bound is " + std::to_string(desc.most_bound) + ", not a multiple of the block " +
+             std::to_string(block_));
+    }
     make_phases();
     std::vector<float> padded(zeros_offset() / sizeof(float) + size_t{groups()} * block_);
     std::ranges::copy(bias, padded.begin());

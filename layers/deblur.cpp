@@ -24,8 +24,35 @@ void refuse_ecir_options(const std::string& method, const DeblurOptions& options
     }
 }
 
+/// Kernels find places in memory by what they compute of these values.
+void check_values(std::span<const float> blurry, uint32_t width) {
+    constexpr float kRounding = 1e-5F;
+    const auto bad = std::ranges::find_if_not(
+        blurry, [](float value) { return value >= -kRounding && value <= 1 + kRounding; });
+    if (bad != blurry.end()) {
+        const auto pixel = static_cast<size_t>(bad - blurry.begin());
+        throw Error(ExitCode::bad_input, "the blurry frame's pixel at x " +
+                                             std::to_string(pixel % width) + ", y " +
+                                             std::to_string(pixel / width) + " is " +
+                                             std::to_string(*bad) + "; luminance runs from 0 to 1");
+    }
+}
+
+/// Thresholds as the command line takes them.
+void check_thresholds(const EdiThresholds& thresholds) {
+    for (const float value : {thresholds.positive, thresholds.negative}) {
+        if (!(value >= 0.001F && value <= 10)) {
+            throw Error(ExitCode::usage, "contrast threshold " + std::to_string(value) +
+                                             " is not a number from 0.001 to 10");
+        }
+    }
+}
+
 std::unique_ptr<Method> make_method(std::shared_ptr<Device> device, const DeblurOptions& options,
                                     uint32_t width, uint32_t height) {
+    if (options.thresholds) {
+        check_thresholds(*options.thresholds);
+    }
     if (options.model == "edi") {
         refuse_ecir_options("edi", options);
         return std::make_unique<EdiMethod>(std::move(device), height, width, options.thresholds);
@@ -41,18 +68,19 @@ std::unique_ptr<Method> make_method(std::shared_ptr<Device> device, const Deblur
         return std::make_unique<FusionMethod>(std::move(device), weights, height, width,
                                               options.thresholds, options.refine.value_or(1) > 0);
     }
+    if (kind != "ecir" && kind != "esl_net") {
+        throw Error(ExitCode::bad_input,
+                    "weights file " + weights.path().string() + " is of a model '" + kind +
+                        "', which this version does not run; it runs ecir, esl_net and fusion");
+    }
     if (options.thresholds) {
         throw Error(ExitCode::usage, "--threshold is for -m edi and fusion networks; model " +
-                                         options.model + " has learned its thresholds");
+                                         options.model +
+                                         " has learned its thresholds; leave --threshold out");
     }
     if (kind == "esl_net") {
         refuse_ecir_options("model " + options.model + ", an eSL-Net,", options);
         return std::make_unique<EslNetMethod>(std::move(device), weights, height, width);
-    }
-    if (kind != "ecir") {
-        throw Error(ExitCode::bad_input,
-                    "weights file " + weights.path().string() + " is of a model '" + kind +
-                        "', which this version does not run; it runs ecir, esl_net and fusion");
     }
     const EcirConfig config(weights);
     if (options.keypoints && *options.keypoints != config.keypoints) {
@@ -91,6 +119,8 @@ std::vector<float> Deblur::frames(std::span<const float> blurry, const EventView
     if (times.empty()) {
         return {};
     }
+    check_values(blurry, width_);
+    ignored_pixels_ = 0;
     std::vector<float> result;
     const EventView seen = window(events, exposure);
     if (seen.size() == 0) {
@@ -109,6 +139,7 @@ std::vector<float> Deblur::frames(std::span<const float> blurry, const EventView
         ascending.push_back(times[i]);
     }
     const auto frames = method_->frames({blurry, seen, exposure, ascending});
+    ignored_pixels_ = method_->ignored_pixels();
     result.resize(times.size() * pixels); // only now, when the device has found room for them
     for (size_t i = 0; i < order.size(); ++i) {
         std::ranges::copy(frames.subspan(i * pixels, pixels),

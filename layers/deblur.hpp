@@ -39,20 +39,28 @@ public:
     Deblur(Deblur&&) noexcept;
     Deblur& operator=(Deblur&&) = delete;
 
-    /// blurry: height x width luminance in 0 ... 1. events: sorted by time, coordinates inside the
-    /// image; those outside the exposure are ignored, and without any left every frame is the
-    /// blurry one. times: normalised, -1 the start and 1 the end of the exposure, in any order.
-    /// Returns times x height x width in the order of `times`, not clipped.
+    /// blurry: height x width luminance in 0 ... 1, but for rounding. events: sorted by time,
+    /// coordinates inside the image; those outside the exposure are ignored, and without any left
+    /// every frame is the blurry one. times: normalised, -1 the start and 1 the end of the
+    /// exposure, in any order. Returns times x height x width in the order of `times`, not clipped.
+    /// Throws Error: bad_input for another number of values, a value outside 0 ... 1, and what
+    /// pack_events() refuses, usage for a time outside -1 ... 1, resources where memory is short;
+    /// the object stays usable.
     std::vector<float> frames(std::span<const float> blurry, const EventView& events,
                               const Exposure& exposure, std::span<const double> times);
 
     /// What `edi` or a fusion network used for the last frame.
     [[nodiscard]] std::optional<EdiThresholds> thresholds() const;
 
+    /// Pixels of the last frame with more events than a fusion network takes (prior_busy_events),
+    /// to which they were pixels without events. 0 for the other models.
+    [[nodiscard]] size_t ignored_pixels() const { return ignored_pixels_; }
+
 private:
     std::unique_ptr<Method> method_;
     uint32_t width_;
     uint32_t height_;
+    size_t ignored_pixels_ = 0;
 };
 
 /// count times evenly from -1 to 1, both included; {0} for one.

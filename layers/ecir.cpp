@@ -50,9 +50,7 @@ EcirMethod::EcirMethod(std::shared_ptr<Device> device, const SafeTensors& weight
       unet_(*device_, weights, config_.bins, config_.keypoints), refinement_(*device_, weights),
       height_(height), width_(width), iterations_(refine.value_or(config_.iterations)) {}
 
-void EcirMethod::build(uint32_t frames, uint32_t capacity) {
-    program_ = std::make_unique<Program>(*device_);
-    Program& program = *program_;
+void EcirMethod::record(Program& program, uint32_t frames, uint32_t capacity) {
     const uint32_t block = channel_block(device_->info());
     const uint32_t n = config_.keypoints;
     const bool refine = iterations_ > 0;
@@ -93,8 +91,6 @@ void EcirMethod::build(uint32_t frames, uint32_t capacity) {
         }
         refinement_.record(program, initial, counts, output_, iterations_);
     }
-    program.finish();
-    count_ = frames;
 }
 
 std::vector<IntervalRange> EcirMethod::intervals(const FrameInput& input,
@@ -105,10 +101,9 @@ std::vector<IntervalRange> EcirMethod::intervals(const FrameInput& input,
 
 std::span<const float> EcirMethod::frames(const FrameInput& input) {
     const auto count = static_cast<uint32_t>(input.times.size());
-    if (!program_ || count != count_ || input.events.size() > events_.capacity) {
-        build(count, EventTensors::capacity_for(input.events.size()));
-    }
-    Program& program = *program_;
+    Program& program =
+        program_.prepare(*device_, count, input.events.size(),
+                         [&](Program& made, uint32_t capacity) { record(made, count, capacity); });
     PackedEvents packed = pack_events(input.events, input.exposure, width_, height_);
     const KeypointRule rule = config_.release ? release_keypoint_rule(packed, config_.keypoints)
                                               : paper_keypoint_rule(packed, config_.keypoints);

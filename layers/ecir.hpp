@@ -33,10 +33,10 @@ public:
 
     [[nodiscard]] const EcirConfig& config() const { return config_; }
     /// Time of each dispatch of a run with the last input.
-    std::vector<DispatchTime> profile() { return program_->profile(); }
+    [[nodiscard]] std::vector<DispatchTime> profile() const { return program_.profile(); }
 
 private:
-    void build(uint32_t frames, uint32_t capacity);
+    void record(Program& program, uint32_t frames, uint32_t capacity);
     [[nodiscard]] std::vector<IntervalRange> intervals(const FrameInput& input,
                                                        std::span<const double> edges) const;
 
@@ -48,8 +48,7 @@ private:
     uint32_t width_;
     uint32_t iterations_;
 
-    uint32_t count_ = 0; ///< frames that program_ makes
-    std::unique_ptr<Program> program_;
+    MethodProgram program_;
     EventTensors events_;
     Tensor blurry_;
     Tensor rule_;

@@ -7,6 +7,7 @@
 #include <string>
 
 #include "layers/pixel_dispatch.hpp"
+#include "layers/shapes.hpp"
 #include "layers/smooth.hpp"
 
 namespace ecir {
@@ -116,11 +117,6 @@ Dispatch busy_dispatch(Program& program, const EdiInput& input, const Tensor& sc
     dispatch.bytes = static_cast<double>(busy.bytes());
     dispatch.label = "edi_busy";
     return dispatch;
-}
-
-/// Origin of a dense tensor as a kernel sees it.
-uint32_t origin(const Tensor& tensor) {
-    return PushLayout(tensor).origin;
 }
 
 } // namespace

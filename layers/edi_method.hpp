@@ -20,15 +20,14 @@ public:
     }
 
 private:
-    void build(uint32_t frames, uint32_t capacity);
+    void record(Program& program, uint32_t frames, uint32_t capacity);
 
     std::shared_ptr<Device> device_;
     uint32_t height_;
     uint32_t width_;
     EdiThresholdSource source_;
 
-    uint32_t count_ = 0;
-    std::unique_ptr<Program> program_;
+    MethodProgram program_;
     EventTensors events_;
     Tensor blurry_;
     Tensor thresholds_;

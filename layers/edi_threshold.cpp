@@ -161,18 +161,20 @@ EdiThresholdEstimator::EdiThresholdEstimator(Device& device, uint32_t width, uin
     : device_(device), width_(width), height_(height), shape_(edi_moment_shape(width, height)) {}
 
 void EdiThresholdEstimator::record(uint32_t capacity) {
+    program_.reset(); // what it holds must be free before the next one asks for as much
+    auto program = std::make_unique<Program>(device_);
+    input_.offsets = program->input({1, 1, width_ * height_ + 1});
+    input_.times = program->input({1, 1, capacity});
+    input_.marks = program->input({1, 1, capacity});
+    input_.blurry = program->input({1, height_, width_});
+    input_.thresholds = program->input({1, 1, 2});
+    schedule_ = program->input({1, 2, edi_windows + 1});
+    moments_ = program->output(shape_.layout());
+    record_edi_moments(*program, input_, schedule_, moments_);
+    program->finish();
+    program->write(schedule_, edi_schedule(edi_window_times()));
+    program_ = std::move(program); // none is left behind unfinished
     capacity_ = capacity;
-    program_ = std::make_unique<Program>(device_);
-    input_.offsets = program_->input({1, 1, width_ * height_ + 1});
-    input_.times = program_->input({1, 1, capacity});
-    input_.marks = program_->input({1, 1, capacity});
-    input_.blurry = program_->input({1, height_, width_});
-    input_.thresholds = program_->input({1, 1, 2});
-    schedule_ = program_->input({1, 2, edi_windows + 1});
-    moments_ = program_->output(shape_.layout());
-    record_edi_moments(*program_, input_, schedule_, moments_);
-    program_->finish();
-    program_->write(schedule_, edi_schedule(edi_window_times()));
 }
 
 void EdiThresholdEstimator::upload(const PackedEvents& events, std::span<const float> blurry) {

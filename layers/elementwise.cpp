@@ -1,14 +1,14 @@
 #include "layers/elementwise.hpp"
 
 #include <array>
-#include <limits>
 
 #include "layers/pixel_dispatch.hpp"
+#include "layers/shapes.hpp"
 
 namespace ecir {
 namespace {
 
-enum class Operator : uint32_t { sigmoid, multiply, add };
+enum class Operator : uint32_t { sigmoid, multiply, add, add_relu };
 
 constexpr uint32_t kSpan = 4; ///< elements an invocation
 
@@ -19,23 +19,20 @@ struct Push {
     PushLayout result;
     uint32_t width = 0;
     uint32_t channels = 0;
-    float floor = 0;
 };
-static_assert(sizeof(Push) == 60);
+static_assert(sizeof(Push) == 56);
 
-void check(const Layout& operand, const Layout& result) {
-    if (operand.channels != result.channels || operand.height != result.height ||
-        operand.width != result.width || operand.block != result.block) {
-        throw Error(ExitCode::device, "elementwise: operand and result differ in shape or block");
-    }
+bool is_alike(const Tensor& operand, const Layout& result) {
+    return has_shape(operand, result.channels, result.height, result.width) &&
+           operand.layout().block == result.block;
 }
 
 void record(Program& program, Operator op, float operations, const Tensor& a, const Tensor& b,
-            const Tensor& result, float floor = 0) {
+            const Tensor& result) {
     const Layout& layout = result.layout();
+    require_shapes(is_alike(a, layout) && is_alike(b, layout), "elementwise", {a, b, result});
     Layout largest = layout;
     for (const Tensor* operand : {&a, &b}) {
-        check(operand->layout(), layout);
         if (operand->layout().plane_stride() > largest.plane_stride()) {
             largest = operand->layout();
         }
@@ -50,8 +47,8 @@ void record(Program& program, Operator op, float operations, const Tensor& a, co
         Dispatch dispatch;
         dispatch.kernel = &kernel;
         dispatch.arguments = {read(left), read(right), update(target)};
-        dispatch.set_push(Push{PushLayout(left), PushLayout(right), PushLayout(target),
-                               layout.width, count, floor});
+        dispatch.set_push(
+            Push{PushLayout(left), PushLayout(right), PushLayout(target), layout.width, count});
         dispatch.groups = {(layout.width * layout.block + 64 * kSpan - 1) / (64 * kSpan),
                            layout.height, target.layout().blocks()};
         const double elements = double{1} * count * layout.height * layout.width;
@@ -74,8 +71,7 @@ void record_multiply(Program& program, const Tensor& a, const Tensor& b, const T
 
 void record_add(Program& program, const Tensor& a, const Tensor& b, const Tensor& result,
                 bool relu) {
-    record(program, Operator::add, relu ? 2 : 1, a, b, result,
-           relu ? 0 : std::numeric_limits<float>::lowest());
+    record(program, relu ? Operator::add_relu : Operator::add, relu ? 2 : 1, a, b, result);
 }
 
 } // namespace ecir

@@ -5,8 +5,8 @@ namespace ecir {
 
 /// Operations on every element of tensors of one shape and one block; halos may differ. A result
 /// may be one of the operands; its halo and what fills up its last block are left alone. All throw
-/// Error(device) where shapes disagree and Error(resources) when one block of channels exceeds what
-/// the device can bind.
+/// Error(bad_input) where shapes disagree and Error(resources) when one block of channels exceeds
+/// what the device can bind.
 
 /// Records result = 1 / (1 + exp(-a)).
 void record_sigmoid(Program& program, const Tensor& a, const Tensor& result);

@@ -12,7 +12,9 @@ namespace {
 constexpr uint32_t kChannels = 2 * EslNet::bins; ///< of images and event counts
 constexpr uint32_t kCodes = 128;                 ///< channels of the sparse code
 constexpr uint32_t kRounds = 25;
-constexpr uint32_t kMostBound = 32; ///< 1280x720 fits where 128 MiB can be bound
+/// Channels that a convolution binds on a CPU driver: at 1280x720 113 MiB, where lavapipe's limit
+/// is 128 MiB. GPUs, which bind far more, bind the whole code: 452 MiB at 1280x720.
+constexpr uint32_t kMostBound = 32;
 
 const std::vector<float>& weight_of(const SafeTensors& weights, const std::string& name,
                                     uint32_t in, uint32_t out, uint32_t kernel) {
@@ -114,9 +116,7 @@ EslNetMethod::EslNetMethod(std::shared_ptr<Device> device, const SafeTensors& we
                            uint32_t height, uint32_t width)
     : device_(std::move(device)), network_(*device_, weights), height_(height), width_(width) {}
 
-void EslNetMethod::build(uint32_t capacity) {
-    program_ = std::make_unique<Program>(*device_);
-    Program& program = *program_;
+void EslNetMethod::record(Program& program, uint32_t capacity) {
     events_ = EventTensors(program, height_, width_, capacity);
     blurry_ = program.input({1, height_, width_});
     intervals_ = program.input({1, 1, 4 * EslNet::bins});
@@ -126,14 +126,12 @@ void EslNetMethod::build(uint32_t capacity) {
     record_event_histogram(program, events_.offset, events_.mark, events_.positives, intervals_,
                            histogram);
     network_.record(program, blurry_, histogram, output_);
-    program.finish();
 }
 
 std::span<const float> EslNetMethod::frames(const FrameInput& input) {
-    if (!program_ || input.events.size() > events_.capacity) {
-        build(EventTensors::capacity_for(input.events.size()));
-    }
-    Program& program = *program_;
+    Program& program =
+        program_.prepare(*device_, 1, input.events.size(),
+                         [&](Program& made, uint32_t capacity) { record(made, capacity); });
     events_.write(program, pack_events(input.events, input.exposure, width_, height_));
     program.write(blurry_, input.blurry);
     frames_.clear();

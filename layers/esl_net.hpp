@@ -51,17 +51,17 @@ public:
     std::span<const float> frames(const FrameInput& input) override;
 
     /// Time of each dispatch of a run for the last frame.
-    std::vector<DispatchTime> profile() { return program_->profile(); }
+    [[nodiscard]] std::vector<DispatchTime> profile() const { return program_.profile(); }
 
 private:
-    void build(uint32_t capacity);
+    void record(Program& program, uint32_t capacity);
 
     std::shared_ptr<Device> device_;
     EslNet network_;
     uint32_t height_;
     uint32_t width_;
 
-    std::unique_ptr<Program> program_; ///< makes one frame
+    MethodProgram program_; ///< makes one frame
     EventTensors events_;
     Tensor blurry_;
     Tensor intervals_;

@@ -4,6 +4,7 @@
 #include <charconv>
 
 #include "layers/elementwise.hpp"
+#include "layers/fusion_fetch.hpp"
 #include "layers/motion.hpp"
 #include "layers/pixel_dispatch.hpp"
 #include "layers/trajectory.hpp"
@@ -236,13 +237,17 @@ void FusionHead::record(Program& program, const Tensors& t, const Tensor& frame)
 FusionMethod::FusionMethod(std::shared_ptr<Device> device, const SafeTensors& weights,
                            uint32_t height, uint32_t width, std::optional<EdiThresholds> thresholds,
                            bool correct)
-    : device_(std::move(device)), trunk_(*device_, weights, FusionWidths(weights)),
-      head_(*device_, weights, FusionWidths(weights)), height_(height), width_(width),
+    : FusionMethod(std::move(device), weights, FusionWidths(weights), height, width, thresholds,
+                   correct) {}
+
+FusionMethod::FusionMethod(std::shared_ptr<Device> device, const SafeTensors& weights,
+                           const FusionWidths& widths, uint32_t height, uint32_t width,
+                           std::optional<EdiThresholds> thresholds, bool correct)
+    : device_(std::move(device)), trunk_(*device_, weights, widths),
+      head_(*device_, weights, widths), height_(height), width_(width),
       thresholds_(*device_, width, height, thresholds), correct_(correct) {}
 
-void FusionMethod::build(uint32_t frames, uint32_t capacity) {
-    program_ = std::make_unique<Program>(*device_);
-    Program& program = *program_;
+void FusionMethod::record(Program& program, uint32_t frames, uint32_t capacity) {
     events_ = EventTensors(program, height_, width_, capacity);
     blurry_ = program.input({1, height_, width_});
     threshold_input_ = program.input({1, 1, 2});
@@ -259,16 +264,14 @@ void FusionMethod::build(uint32_t frames, uint32_t capacity) {
         program.temporary({prior_windows + 1, (height_ + 1) / 2, (width_ + 1) / 2});
     record_prior(program, input, exposure);
     if (correct_) {
-        record_corrected_frames(input, exposure);
+        record_corrected_frames(program, input, exposure);
     } else {
-        record_prior_frames(input, exposure);
+        record_prior_frames(program, input, exposure);
     }
-    program.finish();
-    count_ = frames;
 }
 
-void FusionMethod::record_corrected_frames(const PriorInput& input, const PriorExposure& exposure) {
-    Program& program = *program_;
+void FusionMethod::record_corrected_frames(Program& program, const PriorInput& input,
+                                           const PriorExposure& exposure) const {
     const Tensor velocity = program.temporary(motion_layout(height_, width_));
     const Tensor channels = cleared(program, level(program, 2 * anchor_count, height_, width_, 8));
     record_motion(program, exposure.logarithms, velocity, channels);
@@ -286,8 +289,8 @@ void FusionMethod::record_corrected_frames(const PriorInput& input, const PriorE
     }
 }
 
-void FusionMethod::record_prior_frames(const PriorInput& input, const PriorExposure& exposure) {
-    Program& program = *program_;
+void FusionMethod::record_prior_frames(Program& program, const PriorInput& input,
+                                       const PriorExposure& exposure) const {
     const Tensor planes = program.temporary({plane_count, height_, width_});
     const Tensor nothing = cleared(program, {1, height_, width_}, 0);
     for (uint32_t i = 0; i < output_.layout().channels; ++i) {
@@ -298,15 +301,15 @@ void FusionMethod::record_prior_frames(const PriorInput& input, const PriorExpos
 
 std::span<const float> FusionMethod::frames(const FrameInput& input) {
     const auto count = static_cast<uint32_t>(input.times.size());
-    if (!program_ || count != count_ || input.events.size() > events_.capacity) {
-        build(count, EventTensors::capacity_for(input.events.size()));
-    }
-    Program& program = *program_;
+    Program& program =
+        program_.prepare(*device_, count, input.events.size(),
+                         [&](Program& made, uint32_t capacity) { record(made, count, capacity); });
     const PackedEvents packed = pack_events(input.events, input.exposure, width_, height_);
+    ignored_pixels_ = prior_busy_pixels(packed);
     const EdiThresholds thresholds = thresholds_.choose(packed, input.blurry);
     events_.write(program, packed);
     program.write(blurry_, input.blurry);
-    program.write(threshold_input_, std::span<const float>(&thresholds.positive, 2));
+    program.write(threshold_input_, std::as_bytes(std::span(&thresholds, 1)));
     const auto instants = make_instants(input.times);
     program.write(instants_, std::as_bytes(std::span(instants)));
     program.run();

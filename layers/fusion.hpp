@@ -68,7 +68,7 @@ private:
 class FusionMethod : public Method {
 public:
     /// `thresholds`: given, else estimated from each frame and its events. `correct`: false for
-    /// the prior alone.
+    /// the prior alone. Throws Error(bad_input) for weights that are not such a network's.
     FusionMethod(std::shared_ptr<Device> device, const SafeTensors& weights, uint32_t height,
                  uint32_t width, std::optional<EdiThresholds> thresholds, bool correct = true);
 
@@ -77,13 +77,19 @@ public:
     [[nodiscard]] std::optional<EdiThresholds> thresholds() const override {
         return thresholds_.used();
     }
+    [[nodiscard]] size_t ignored_pixels() const override { return ignored_pixels_; }
     /// Time of each dispatch of a run with the last input.
-    std::vector<DispatchTime> profile() { return program_->profile(); }
+    [[nodiscard]] std::vector<DispatchTime> profile() const { return program_.profile(); }
 
 private:
-    void build(uint32_t frames, uint32_t capacity);
-    void record_prior_frames(const PriorInput& input, const PriorExposure& exposure);
-    void record_corrected_frames(const PriorInput& input, const PriorExposure& exposure);
+    FusionMethod(std::shared_ptr<Device> device, const SafeTensors& weights,
+                 const FusionWidths& widths, uint32_t height, uint32_t width,
+                 std::optional<EdiThresholds> thresholds, bool correct);
+    void record(Program& program, uint32_t frames, uint32_t capacity);
+    void record_prior_frames(Program& program, const PriorInput& input,
+                             const PriorExposure& exposure) const;
+    void record_corrected_frames(Program& program, const PriorInput& input,
+                                 const PriorExposure& exposure) const;
 
     std::shared_ptr<Device> device_;
     FusionTrunk trunk_;
@@ -93,8 +99,8 @@ private:
     EdiThresholdSource thresholds_;
     bool correct_;
 
-    uint32_t count_ = 0; ///< frames that program_ makes
-    std::unique_ptr<Program> program_;
+    size_t ignored_pixels_ = 0;
+    MethodProgram program_;
     EventTensors events_;
     Tensor blurry_;
     Tensor threshold_input_;

@@ -1,6 +1,9 @@
 #include "layers/fusion_mix.hpp"
 
+#include <algorithm>
+
 #include "layers/pixel_dispatch.hpp"
+#include "layers/shapes.hpp"
 
 namespace ecir {
 namespace {
@@ -15,6 +18,7 @@ struct Push {
 static_assert(sizeof(Push) == 16);
 
 constexpr uint32_t kVector = 4;
+constexpr uint32_t kRow = 1024; ///< workgroups along x
 
 } // namespace
 
@@ -28,19 +32,19 @@ void record_fusion_mix(Program& program, const Tensor& features, const Tensor& i
                        const Tensor& mixed) {
     const Layout& layout = mixed.layout();
     const Layout& source = features.layout();
-    if (layout.halo != 0 || source.halo != 0 || layout.block % kVector != 0 ||
-        source.block != layout.block || source.height != layout.height ||
-        source.width != layout.width || source.elements() != fusion_basis * layout.elements() ||
-        instant.layout().elements() != instant_layout(1).elements()) {
-        throw Error(ExitCode::bad_input, "fusion mix: the tensors' shapes do not match");
-    }
+    require_shapes(is_dense(mixed) && is_dense(features) && layout.block % kVector == 0 &&
+                       has_shape(features, fusion_basis_layout(layout).channels, layout.height,
+                                 layout.width) &&
+                       source.block == layout.block && is_instant(instant),
+                   "fusion mix", {features, instant, mixed});
     const auto size = static_cast<uint32_t>(layout.elements() / kVector);
     Dispatch dispatch;
     dispatch.kernel = &program.device().kernel("fusion_mix", {}, 3, sizeof(Push));
     dispatch.arguments = {read(features), read(instant), write(mixed)};
-    dispatch.set_push(Push{PushLayout(features).origin / kVector, PushLayout(instant).origin,
-                           PushLayout(mixed).origin / kVector, size});
-    dispatch.groups = {(size + 63) / 64, 1, 1};
+    dispatch.set_push(
+        Push{origin(features, kVector), origin(instant), origin(mixed, kVector), size});
+    const uint32_t groups = (size + 63) / 64; // can be more than a device launches along one axis
+    dispatch.groups = {std::min(groups, kRow), (groups + kRow - 1) / kRow, 1};
     dispatch.flops = 7 * static_cast<double>(layout.elements());
     dispatch.bytes = static_cast<double>(features.bytes() + mixed.bytes());
     dispatch.label = "fusion_mix";

@@ -9,9 +9,9 @@ inline constexpr uint32_t fusion_basis = 4;
 Layout fusion_basis_layout(const Layout& mixed);
 
 /// Records mixed = sum over k of T_k(t) features(k), Chebyshev polynomials of the instant's time.
-/// features  of fusion_basis_layout(mixed); mixed: no halo, its block a multiple of 4, what fills
-/// up
-///           the last one is written too; instant: one channel of instant_layout()
+/// features  of fusion_basis_layout(mixed)
+/// instant   one channel of instant_layout()
+/// mixed     dense, its block a multiple of 4; what fills up the last one is written too
 /// Throws Error(bad_input) for shapes that do not match.
 void record_fusion_mix(Program& program, const Tensor& features, const Tensor& instant,
                        const Tensor& mixed);

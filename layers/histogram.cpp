@@ -93,6 +93,14 @@ std::vector<IntervalRange> release_intervals(const EventView& events, const Expo
 
 std::vector<IntervalRange> outward_intervals(const EventView& events, const Exposure& exposure,
                                              double time, uint32_t bins) {
+    if (exposure.end <= exposure.start || bins == 0 || !(time >= -1 && time <= 1)) {
+        throw Error(ExitCode::bad_input, std::to_string(bins) + " intervals outwards from " +
+                                             std::to_string(time) + " in an exposure from " +
+                                             std::to_string(exposure.start) + " to " +
+                                             std::to_string(exposure.end) +
+                                             " us: it needs an interval or more, a time from -1 "
+                                             "to 1 and an end after the start");
+    }
     constexpr int64_t kFraction = 1024; // of a microsecond; exact products for any exposure
     const int64_t duration = exposure.duration() * kFraction;
     const int64_t instant = std::llrint((time + 1) / 2 * static_cast<double>(duration));

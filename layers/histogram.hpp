@@ -45,7 +45,9 @@ std::vector<IntervalRange> release_intervals(const EventView& events, const Expo
 /// 1/1024 us, and are a `bins`-th of the exposure wide. Range bins + k holds the events whose
 /// distance after the instant is k to k + 1 widths, range bins - 1 - k those before it, the nearer
 /// end included, the farther one only at a distance of all `bins` widths; an event at the instant
-/// is after it. `events` must be sorted and lie in the exposure.
+/// is after it. `events` must be sorted and lie in the exposure, which must last no longer than
+/// longest_exposure_us. Throws Error(bad_input) for an empty exposure, no bins, and a time outside
+/// [-1, 1].
 std::vector<IntervalRange> outward_intervals(const EventView& events, const Exposure& exposure,
                                              double time, uint32_t bins);
 

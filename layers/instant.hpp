@@ -31,6 +31,11 @@ inline Layout instant_layout(uint32_t count) {
     return {count, 1, sizeof(Instant) / 4};
 }
 
+inline bool is_instant(const Tensor& tensor) {
+    return tensor.layout().elements() == instant_layout(1).elements();
+}
+
+/// Throws Error(bad_input) for a time outside [-1, 1].
 std::vector<Instant> make_instants(std::span<const double> times);
 
 } // namespace ecir

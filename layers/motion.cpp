@@ -3,6 +3,7 @@
 #include <array>
 
 #include "layers/pixel_dispatch.hpp"
+#include "layers/shapes.hpp"
 #include "layers/smooth.hpp"
 
 namespace ecir {
@@ -59,15 +60,16 @@ struct VelocityPush {
 };
 static_assert(sizeof(VelocityPush) == 32);
 
-constexpr uint32_t kCell = 8; ///< pixels a side
+namespace shader {
+using uint = uint32_t;
+#include "shaders/fusion_constants.glsl"
+} // namespace shader
+
+constexpr uint32_t kCell = shader::CELL; ///< pixels a side
 constexpr uint32_t kComponents = 2;
 constexpr uint32_t kMoments = 5;
 constexpr uint32_t kSlopes = 4; ///< channels a sample: X, its gradient, one more
 constexpr uint32_t kGaps = anchor_count - 1;
-
-uint32_t origin(const Tensor& tensor, uint32_t elements = 1) {
-    return PushLayout(tensor).origin / elements;
-}
 
 /// A dispatch whose bytes are those of its tensors.
 Dispatch make(Program& program, const char* shader, std::span<const uint32_t> constants,
@@ -150,15 +152,12 @@ void record_motion(Program& program, const Tensor& logarithms, const Tensor& vel
     const Layout& frames = logarithms.layout();
     const Layout cells = motion_layout(2 * frames.height, 2 * frames.width);
     const Layout& field = velocity.layout();
-    const Layout& copy = channels.layout();
-    if (frames.channels != prior_windows + 1 || field.channels != cells.channels ||
-        field.block != cells.block || field.elements() != cells.elements() ||
-        field.width != cells.width || copy.channels != cells.channels ||
-        copy.height != cells.height || copy.width != cells.width) {
-        throw Error(ExitCode::bad_input, "motion: the velocities have another shape than " +
-                                             std::to_string(frames.width) + "x" +
-                                             std::to_string(frames.height) + " frames need");
-    }
+    require_shapes(frames.channels == prior_windows + 1 && frames.block == 1 &&
+                       is_dense(logarithms) &&
+                       has_shape(velocity, cells.channels, cells.height, cells.width) &&
+                       field.block == cells.block && is_dense(velocity) &&
+                       has_shape(channels, cells.channels, cells.height, cells.width),
+                   "motion", {logarithms, velocity, channels});
     const Tensor smooth =
         record_smooth(program, {.weights = {0.5F, 0.25F}, .reach = 1}, logarithms);
     const Tensor slopes = record_slopes(program, smooth);

@@ -1,9 +1,10 @@
 #include "layers/prior.hpp"
 
 #include <array>
-#include <string>
+#include <cstddef>
 
 #include "layers/pixel_dispatch.hpp"
+#include "layers/shapes.hpp"
 
 namespace ecir {
 namespace {
@@ -32,36 +33,50 @@ static_assert(sizeof(FramePush) == 56);
 
 constexpr std::array<uint32_t, 1> kConstants = {prior_busy_events};
 
-bool has_shape(const Tensor& tensor, uint32_t channels, uint32_t height, uint32_t width) {
-    const Layout& layout = tensor.layout();
-    return layout.channels == channels && layout.height == height && layout.width == width;
-}
+/// What the kernels take for granted.
+namespace shader {
+using uint = uint32_t;
+#include "shaders/fusion_constants.glsl"
+static_assert(ANCHORS == anchor_count && GAPS == anchor_count - 1);
+static_assert(WINDOWS == prior_windows && WINDOWS == GAPS * WINDOWS_AN_ANCHOR);
+static_assert(offsetof(Instant, time) == size_t{4} * INSTANT_TIME &&
+              offsetof(Instant, place) == size_t{4} * INSTANT_PLACE &&
+              offsetof(Instant, below) == size_t{4} * INSTANT_BELOW &&
+              offsetof(Instant, rank) == size_t{4} * INSTANT_RANKS);
+static_assert(PLANE_SURFACES == PLANE_DIFFERENCES + ANCHORS && PLANE_TIME + 1 == plane_count);
+} // namespace shader
 
-void check(const PriorInput& input, bool outputs) {
+bool fits(const PriorInput& input) {
     const Layout& blurry = input.blurry.layout();
     const uint64_t pixels = uint64_t{blurry.width} * blurry.height;
     const uint32_t events = input.marks.layout().width;
-    if (!outputs || blurry.channels != 1 || input.offsets.layout().elements() != pixels + 1 ||
-        input.times.layout().width != events || input.positives.layout().width != events + 1 ||
-        input.thresholds.layout().elements() != 2) {
-        throw Error(ExitCode::bad_input,
-                    "prior: " + std::to_string(input.offsets.layout().elements()) +
-                        " event offsets and the outputs do not match a " +
-                        std::to_string(blurry.width) + "x" + std::to_string(blurry.height) +
-                        " image");
-    }
+    return blurry.channels == 1 && input.offsets.layout().elements() == pixels + 1 &&
+           input.times.layout().width == events && input.positives.layout().width == events + 1 &&
+           input.thresholds.layout().elements() == 2;
 }
 
 } // namespace
+
+size_t prior_busy_pixels(const PackedEvents& events) {
+    size_t busy = 0;
+    for (size_t pixel = 0; pixel + 1 < events.offset.size(); ++pixel) {
+        busy += events.offset[pixel + 1] - events.offset[pixel] > prior_busy_events ? 1 : 0;
+    }
+    return busy;
+}
 
 void record_prior(Program& program, const PriorInput& input, const PriorExposure& exposure) {
     const auto [channels, height, width, block, halo, pitch] = input.blurry.layout();
     const uint32_t half_height = (height + 1) / 2;
     const uint32_t half_width = (width + 1) / 2;
-    check(input, has_shape(exposure.anchors, anchor_count, height, width) &&
-                     has_shape(exposure.context, anchor_count, height, width) &&
-                     has_shape(exposure.base, 1, height, width) &&
-                     has_shape(exposure.logarithms, prior_windows + 1, half_height, half_width));
+    require_shapes(fits(input) && has_shape(exposure.anchors, anchor_count, height, width) &&
+                       has_shape(exposure.context, anchor_count, height, width) &&
+                       has_shape(exposure.base, 1, height, width) &&
+                       has_shape(exposure.logarithms, prior_windows + 1, half_height, half_width),
+                   "prior",
+                   {input.offsets, input.times, input.marks, input.positives, input.blurry,
+                    input.thresholds, exposure.anchors, exposure.context, exposure.base,
+                    exposure.logarithms});
     Dispatch dispatch;
     dispatch.kernel = &program.device().kernel("prior", kConstants, 9, sizeof(Push));
     dispatch.arguments = {
@@ -83,10 +98,13 @@ void record_prior(Program& program, const PriorInput& input, const PriorExposure
 void record_prior_frame(Program& program, const PriorInput& input, const Tensor& base,
                         const Tensor& instant, const Tensor& planes) {
     const Layout& layout = planes.layout();
-    check(input, has_shape(planes, plane_count, input.blurry.layout().height,
-                           input.blurry.layout().width) &&
-                     has_shape(base, 1, layout.height, layout.width) &&
-                     instant.layout().elements() == instant_layout(1).elements());
+    require_shapes(fits(input) &&
+                       has_shape(planes, plane_count, input.blurry.layout().height,
+                                 input.blurry.layout().width) &&
+                       has_shape(base, 1, layout.height, layout.width) && is_instant(instant),
+                   "prior frame",
+                   {input.offsets, input.times, input.marks, input.positives, input.blurry,
+                    input.thresholds, base, instant, planes});
     Dispatch dispatch;
     dispatch.kernel = &program.device().kernel("prior_frame", kConstants, 9, sizeof(FramePush));
     dispatch.arguments = {
@@ -94,7 +112,7 @@ void record_prior_frame(Program& program, const PriorInput& input, const Tensor&
         read(input.blurry),  read(input.thresholds), read(base),        read(instant),
         update(planes)};
     dispatch.set_push(FramePush{PushLayout(input.blurry), PushLayout(base), PushLayout(planes),
-                                PushLayout(instant).origin, layout.width});
+                                origin(instant), layout.width});
     dispatch.groups = pixel_groups(layout);
     const double pixels = double{1} * layout.width * layout.height;
     dispatch.flops = 60 * pixels;

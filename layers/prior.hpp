@@ -8,11 +8,16 @@ namespace ecir {
 
 /// The event-driven prior of the fusion network (tools/train/prior.py): the double integral of
 /// layers/edi.hpp, but the level runs to that of the next event during the last 0.05 of normalised
-/// time before it, and frames are cut at 2. Times are float32.
+/// time before it, and frames are cut at 2. Times are float32. Rounding
+/// grows with the number of events of one sign: relative to L + e, some 1e-5 for 700 of them.
 
-/// Pixels with more events than this are taken as pixels without events: at some 10 kHz they are
-/// faulty rather than telling, and lavapipe's loops bear no more in these kernels.
+/// Pixels with more events than this are taken as pixels without events, since lavapipe's loops
+/// bear no more in these kernels. In an exposure of 0.1 s only faulty pixels have so many; in one
+/// of a second and more, fine texture can.
 inline constexpr uint32_t prior_busy_events = 768;
+
+/// How many such pixels there are.
+size_t prior_busy_pixels(const PackedEvents& events);
 
 /// Windows of the local motion (layers/motion.hpp), between even times from -1 to 1.
 inline constexpr uint32_t prior_windows = 32;
@@ -22,8 +27,8 @@ inline constexpr uint32_t prior_windows = 32;
 /// times       input [1][1][capacity], PackedEvents::time
 /// marks       input [1][1][capacity], PackedEvents::mark
 /// positives   input [1][1][capacity + 1], PackedEvents::positives
-/// blurry      1 channel, height x width, any layout
-/// thresholds  input [1][1][2], EdiThresholds
+/// blurry      1 channel, height x width, any layout; finite, from 0 to 1 but for rounding
+/// thresholds  input [1][1][2], EdiThresholds, from 0.001 to 10
 struct PriorInput {
     Tensor offsets;
     Tensor times;
@@ -45,7 +50,8 @@ struct PriorExposure {
     Tensor logarithms;
 };
 
-/// Records it. Throws Error(bad_input) for shapes that do not match.
+/// Records it. Throws Error(bad_input) for shapes that do not match; finish() throws
+/// Error(resources) when a tensor exceeds what the device can bind (as record_prior_frame()).
 void record_prior(Program& program, const PriorInput& input, const PriorExposure& exposure);
 
 /// Channels of the head's input.
@@ -56,6 +62,7 @@ inline constexpr uint32_t plane_count = anchor_count + 7;
 /// base     from record_prior()
 /// instant  one channel of instant_layout()
 /// planes   plane_count channels, height x width, any layout
+/// Throws as record_prior().
 void record_prior_frame(Program& program, const PriorInput& input, const Tensor& base,
                         const Tensor& instant, const Tensor& planes);
 

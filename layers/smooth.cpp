@@ -3,6 +3,7 @@
 #include <bit>
 
 #include "layers/pixel_dispatch.hpp"
+#include "layers/shapes.hpp"
 
 namespace ecir {
 namespace {
@@ -21,9 +22,10 @@ static_assert(sizeof(Push) == 20);
 
 Tensor record_smooth(Program& program, const SmoothDesc& desc, const Tensor& from) {
     const Layout& layout = from.layout();
-    if (layout.block != 1 || layout.halo != 0 || layout.pitch != 0 ||
-        desc.reach >= desc.weights.size()) {
-        throw Error(ExitCode::device, "smooth: the image is not dense, or the reach beyond 4");
+    require_shapes(layout.block == 1 && is_dense(from), "smooth", {from});
+    if (desc.reach >= desc.weights.size()) {
+        throw Error(ExitCode::bad_input,
+                    "smooth: the reach is " + std::to_string(desc.reach) + ", more than 4");
     }
     std::array<uint32_t, 8> constants{desc.reach, desc.step, desc.zero ? 1U : 0U};
     for (size_t k = 0; k < desc.weights.size(); ++k) {

@@ -14,7 +14,9 @@ struct SmoothDesc {
     bool zero = false;              ///< outside the image are zeros, else the border's pixels
 };
 
-/// Records it; returns the filtered tensor. from: dense (block 1, no halo).
+/// Records it; returns the filtered tensor. from: dense (block 1, no halo). Throws Error(bad_input)
+/// where it is not, and for a reach beyond 4; finish() throws Error(resources) when it exceeds what
+/// the device can bind.
 Tensor record_smooth(Program& program, const SmoothDesc& desc, const Tensor& from);
 
 } // namespace ecir

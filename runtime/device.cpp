@@ -109,6 +109,7 @@ DeviceInfo describe(VkPhysicalDevice physical, uint32_t index) {
     info.max_storage_range = basic.limits.maxStorageBufferRange;
     info.max_uniform_range = basic.limits.maxUniformBufferRange;
     info.max_push_bytes = basic.limits.maxPushConstantsSize;
+    std::ranges::copy(basic.limits.maxComputeWorkGroupCount, info.max_groups.begin());
     info.max_allocation = maintenance.maxMemoryAllocationSize;
     info.uniform_alignment = basic.limits.minUniformBufferOffsetAlignment;
     info.storage_alignment = basic.limits.minStorageBufferOffsetAlignment;

@@ -1,4 +1,5 @@
 #pragma once
+#include <array>
 #include <memory>
 #include <span>
 #include <string>
@@ -31,6 +32,7 @@ struct DeviceInfo {
     uint64_t max_storage_range = 0;
     uint64_t max_uniform_range = 0;
     uint32_t max_push_bytes = 0;
+    std::array<uint32_t, 3> max_groups{}; ///< workgroups of a dispatch along x, y and z
     uint64_t max_allocation = 0;
     uint64_t heap_bytes = 0; ///< of the heap that device buffers come from
     uint64_t uniform_alignment = 1;

@@ -47,6 +47,16 @@ void Program::touch(const Tensor& tensor, uint32_t step) {
 }
 
 void Program::add(Dispatch dispatch) {
+    for (size_t axis = 0; axis < dispatch.groups.size(); ++axis) {
+        const uint32_t most = device_.info().max_groups.at(axis);
+        if (dispatch.groups.at(axis) > most) {
+            throw Error(ExitCode::resources, "kernel " + dispatch.kernel->name() + " needs " +
+                                                 std::to_string(dispatch.groups.at(axis)) +
+                                                 " workgroups along one axis, but " +
+                                                 device_.info().name + " launches at most " +
+                                                 std::to_string(most) + "; use a smaller --size");
+        }
+    }
     const auto step = static_cast<uint32_t>(steps_.size());
     for (const Argument& argument : dispatch.arguments) {
         if (argument.buffer == nullptr) {

@@ -87,6 +87,7 @@ public:
     /// A tensor between steps; its memory is shared with others that live at other times.
     Tensor temporary(const Layout& layout);
 
+    /// Throws Error(resources) naming the kernel for more workgroups than the device launches.
     void add(Dispatch dispatch);
     /// Fills a whole tensor with zeros.
     void clear(const Tensor& tensor);

@@ -3,10 +3,12 @@
 #include "tensor.glsl"
 
 // One operation on every element of tensors of one shape:
-//     OP 0: result = 1 / (1 + exp(-a))      OP 1: result = a b      OP 2: result = max(a + b, floor_)
+//     OP 0: result = 1 / (1 + exp(-a))      OP 1: result = a b      OP 2: result = a + b
+//     OP 3: result = max(a + b, 0)
 //
 // a, b       any layout of the result's block; b is not read by OP 0
 // result     may be a or b; the halo and what fills up the last block are left alone
+// Bindings: 0 a, 1 b, 2 result.
 // Precondition: width block <= 64 SPAN groups.x, height = groups.y, one block of channels a groups.z.
 // Tile: a row of one block, width x block consecutive elements: SPAN an invocation, 64 apart, so that
 // the 64 of a workgroup read neighbours.
@@ -24,7 +26,6 @@ layout(push_constant) uniform Push {
     TensorLayout result_layout;
     uint width;
     uint channels;
-    float floor_;
 };
 
 void main() {
@@ -44,7 +45,10 @@ void main() {
             } else if (OP == 1) {
                 outcome = value * b[b_row + i];
             } else {
-                outcome = max(value + b[b_row + i], floor_);
+                outcome = value + b[b_row + i];
+                if (OP == 3) {
+                    outcome = max(outcome, 0);
+                }
             }
             result[result_row + i] = outcome;
         }

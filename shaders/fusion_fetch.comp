@@ -2,6 +2,8 @@
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_control_flow_attributes : require
 #include "tensor.glsl"
+#include "bilinear.glsl"
+#include "fusion_constants.glsl"
 
 // The anchors' frames fetched along the trajectories, as channels of the head's input:
 //     planes(2 + rank(a), p) = anchors(a, p + up(away)(a, p)) - planes(0, p),  a = 0 ... 8
@@ -10,11 +12,11 @@
 // image the plane is 0. rank orders the anchors by their distance from the wanted time.
 //
 // anchors    9 channels, any layout of block 1
-// away       [9][cell_height][cell_width] vec2 (trajectory.comp), origin in vec2; a cell is 8 x 8 pixels
+// away       finite, [9][cell_height][cell_width] vec2 (trajectory.comp), origin in vec2; a cell is 8 x 8 pixels
 // instant    layers/instant.hpp: the ranks
 // planes     16 channels, any layout; channel 0 is the prior (prior_frame.comp)
 // Bindings: 0 anchors, 1 away, 2 instant, 3 planes.
-// Precondition: width <= 4 x 64 x groups.x, height <= 4 x groups.y.
+// Precondition: width <= 4 x 64 x groups.x, ceil(height / 4) = groups.y.
 // Tile: 4 x 4 pixels an invocation, between the centres of the same four cells; 64 x 1 invocations a
 // workgroup.
 layout(local_size_x = 64) in;
@@ -35,11 +37,7 @@ layout(push_constant) uniform Push {
     uint cell_height;
 };
 
-const uint ANCHORS = 9;
-const uint RANKS = 3;       // of the instant
-const uint DIFFERENCES = 2; // first channel
-const uint STRIDE = 8;      // pixels a side of a cell
-const uint SIDE = 4;        // of a tile
+const uint SIDE = 4; // pixels of a tile
 
 void main() {
     const uint left = SIDE * gl_GlobalInvocationID.x;
@@ -55,7 +53,7 @@ void main() {
     const uint y0 = low_cell.y * cell_width;
     const uint y1 = high_cell.y * cell_width;
     // Centre of the first of them, were it not replaced.
-    const vec2 centre = float(STRIDE) * (vec2(after) - 0.5) - 0.5;
+    const vec2 centre = float(CELL) * (vec2(after) - 0.5) - 0.5;
 
     const vec2 last = vec2(width - 1, height - 1);
     const uint plane = cell_width * cell_height;
@@ -63,7 +61,7 @@ void main() {
     [[unroll]] for (uint i = 0; i < SIDE * SIDE; ++i) {
         const uint x = min(left + i % SIDE, width - 1);
         const uint y = min(top + i / SIDE, height - 1);
-        prior[i] = planes[element(planes_layout, 0, y, x)];
+        prior[i] = planes[element(planes_layout, PLANE_PRIOR, y, x)];
     }
     for (uint anchor = 0; anchor < ANCHORS; ++anchor) {
         const uint cells = away_origin + anchor * plane;
@@ -72,27 +70,22 @@ void main() {
         const vec2 c = away[cells + y1 + low_cell.x];
         const vec2 d = away[cells + y1 + high_cell.x];
         const uint frame = anchors_layout.origin + anchor * anchors_layout.plane;
-        const uint target = DIFFERENCES + instant[instant_origin + RANKS + anchor];
+        const uint target = PLANE_DIFFERENCES + instant[instant_origin + INSTANT_RANKS + anchor];
         [[unroll]] for (uint i = 0; i < SIDE * SIDE; ++i) {
             // At the border some pixels twice: cheaper than branches.
             const uint x = min(left + i % SIDE, width - 1);
             const uint y = min(top + i / SIDE, height - 1);
             const vec2 pixel = vec2(x, y);
-            const vec2 share = (pixel - centre) / float(STRIDE);
+            const vec2 share = (pixel - centre) / float(CELL);
             const vec2 position = pixel + mix(mix(a, b, share.x), mix(c, d, share.x), share.y);
-            const vec2 place = clamp(position, vec2(0), last);
-            const vec2 low = floor(place);
-            const vec2 part = place - low;
-            const uvec2 at = uvec2(low);
-            const uvec2 next = uvec2(min(low + 1, last));
-            const uint upper = frame + at.y * anchors_layout.row;
-            const uint lower = frame + next.y * anchors_layout.row;
+            const Neighbours n = neighbours(position, last);
+            const uint upper = frame + n.at.y * anchors_layout.row;
+            const uint lower = frame + n.next.y * anchors_layout.row;
             const float fetched =
-                mix(mix(anchors[upper + at.x], anchors[upper + next.x], part.x),
-                    mix(anchors[lower + at.x], anchors[lower + next.x], part.x), part.y);
-            const bool inside = all(greaterThanEqual(position, vec2(-0.5))) &&
-                                all(lessThanEqual(position, last + 0.5));
-            planes[element(planes_layout, target, y, x)] = inside ? fetched - prior[i] : 0;
+                mix(mix(anchors[upper + n.at.x], anchors[upper + n.next.x], n.share.x),
+                    mix(anchors[lower + n.at.x], anchors[lower + n.next.x], n.share.x), n.share.y);
+            planes[element(planes_layout, target, y, x)] =
+                is_inside(position, last) ? fetched - prior[i] : 0;
         }
     }
 }

@@ -28,11 +28,10 @@ layout(push_constant) uniform Push {
     uint rows;
 };
 
+#include "fusion_constants.glsl"
 #include "motion_steps.glsl"
 
-const uint ANCHORS = 9;
-const uint WINDOWS = 32;
-const uint REACH = 4; // windows from an anchor to the next
+const uint REACH = WINDOWS_AN_ANCHOR;
 
 void main() {
     const uint column = gl_GlobalInvocationID.x;

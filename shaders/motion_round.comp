@@ -33,27 +33,17 @@ layout(push_constant) uniform Push {
     uint rows;
 };
 
+#include "bilinear.glsl"
+#include "fusion_constants.glsl"
 #include "motion_steps.glsl"
 
-const uint GAPS = 8;
-
 // X, Gx, Gy of the frame that starts at `frame`.
-vec3 fetch(uint frame, vec2 position) {
-    const vec2 last = vec2(width - 1, height - 1);
-    const vec2 place = clamp(position, vec2(0), last);
-    const vec2 low = floor(place);
-    const vec2 share = place - low;
-    const uvec2 at = uvec2(low);
-    const uvec2 next = uvec2(min(low + 1, last));
-    const uint upper = frame + at.y * width;
-    const uint lower = frame + next.y * width;
-    return mix(mix(slopes[upper + at.x].xyz, slopes[upper + next.x].xyz, share.x),
-               mix(slopes[lower + at.x].xyz, slopes[lower + next.x].xyz, share.x), share.y);
-}
-
-bool is_inside(vec2 position) {
-    return all(greaterThanEqual(position, vec2(-0.5))) &&
-           all(lessThanEqual(position, vec2(width, height) - 0.5));
+vec3 fetch(uint frame, vec2 position, vec2 last) {
+    const Neighbours n = neighbours(position, last);
+    const uint upper = frame + n.at.y * width;
+    const uint lower = frame + n.next.y * width;
+    return mix(mix(slopes[upper + n.at.x].xyz, slopes[upper + n.next.x].xyz, n.share.x),
+               mix(slopes[lower + n.at.x].xyz, slopes[lower + n.next.x].xyz, n.share.x), n.share.y);
 }
 
 void main() {
@@ -72,6 +62,7 @@ void main() {
         around[i] = moved[y[i / 3] + x[i % 3]];
     }
     const uint plane = width * height;
+    const vec2 last = vec2(width - 1, height - 1);
     const uint early = slopes_origin + gap * plane;
     Moments moments = Moments(vec3(0), vec2(0));
     [[unroll]] for (uint i = 0; i < SIDE * SIDE; ++i) {
@@ -87,9 +78,9 @@ void main() {
                                mix(around[at + 3], around[at + 4], share.x), share.y);
             const vec2 from = vec2(sample_) - 0.25 * d; // half of d, in samples
             const vec2 to = vec2(sample_) + 0.25 * d;
-            if (is_inside(from) && is_inside(to)) {
-                const vec3 first = fetch(early, from);
-                const vec3 second = fetch(early + plane, to);
+            if (is_inside(from, last) && is_inside(to, last)) {
+                const vec3 first = fetch(early, from, last);
+                const vec3 second = fetch(early + plane, to, last);
                 add_equation(moments, 0.5 * (first.yz + second.yz), second.x - first.x,
                              1.0 / float(SIDE * SIDE));
             }

@@ -1,4 +1,5 @@
 #version 450
+#extension GL_GOOGLE_include_directive : require
 
 // The smoothed logarithms X at the fusion network's anchors with their gradients:
 //     slopes(a) = X_{4 a}, d X / dx, d X / dy, 0
@@ -21,7 +22,7 @@ layout(push_constant) uniform Push {
     uint height;
 };
 
-const uint WINDOWS_AN_ANCHOR = 4;
+#include "fusion_constants.glsl"
 
 void main() {
     const uint x = gl_GlobalInvocationID.x;

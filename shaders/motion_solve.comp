@@ -25,10 +25,10 @@ layout(push_constant) uniform Push {
     uint rows;
 };
 
+#include "fusion_constants.glsl"
 #include "motion_steps.glsl"
 
 const float WINDOWS_A_UNIT = 16; // of time
-const float GAP = 0.25;          // between anchors
 const float RIDGE = 2e-6;        // added to the mean squared gradients
 const float FASTEST = 160;
 const float ROUND_RIDGE = 2e-5;

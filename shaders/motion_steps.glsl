@@ -1,5 +1,7 @@
 // The equations D + d . G = 0 of a neighbourhood's pixels for one displacement d, by least squares
 // (tools/train/motion.py): their moments, and the d that minimises sum (D + d . G)^2 + ridge |d|^2.
+// Where all gradients have one direction, d along the stripes is wrong by about eps |G|^2 / ridge of
+// |d|: the rounding of the moments themselves (eps = 2^-24), which no better solution mends.
 
 const uint SIDE = 4; // samples a side of a cell, at half the resolution
 

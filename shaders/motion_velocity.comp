@@ -1,6 +1,7 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #include "tensor.glsl"
+#include "fusion_constants.glsl"
 
 // The velocity field at the anchors from the displacements d over the gaps between them:
 //     velocity(a) = 4 (mean of d(a - 1) and d(a), one of them at the ends), pixels a unit of time
@@ -26,8 +27,6 @@ layout(push_constant) uniform Push {
     uint rows;
 };
 
-const uint GAPS = 8;
-const float GAP = 0.25;
 const float SCALE = 0.05;
 
 void main() {

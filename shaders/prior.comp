@@ -2,6 +2,7 @@
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_control_flow_attributes : require
 #include "tensor.glsl"
+#include "fusion_constants.glsl"
 
 // The event-driven prior L(t) of an exposure (prior_steps.glsl) as the inputs of the fusion network's
 // trunk and of its local motion, in one walk over the events of each pixel. t_k = -1 + 2 k / WINDOWS:
@@ -18,7 +19,8 @@
 // event_times [events] ascending within a pixel, in [-1, 1]
 // marks       [events]: polarity << 31 | ordinal
 // thresholds  [2]: c+, c-
-// blurry      1 channel; anchors, context 9 channels, base 1; logarithms WINDOWS + 1 channels at half
+// blurry      1 channel, 0 ... 1 and finite, for what is made of it says where other kernels read;
+//             anchors, context 9 channels, base 1; logarithms WINDOWS + 1 channels at half
 //             the size rounded up; all any layout
 // Bindings: 0 offsets, 1 event_times, 2 marks, 3 blurry, 4 thresholds, 5 anchors, 6 context, 7 base,
 //   8 logarithms.
@@ -52,8 +54,6 @@ layout(push_constant) uniform Push {
 #include "edi_steps.glsl"
 #include "prior_steps.glsl"
 
-const uint WINDOWS = 32;
-const uint WINDOWS_AN_ANCHOR = 4;
 const float DARK = 0.05; // of the logarithms; larger than e, so that the dark is less noisy
 const uint MOST_COUNTED = 255;
 

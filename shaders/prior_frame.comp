@@ -1,6 +1,7 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #include "tensor.glsl"
+#include "fusion_constants.glsl"
 
 // What the head of the fusion network sees of the event-driven prior (prior_steps.glsl) at a wanted
 // time t, as channels of its input:
@@ -33,7 +34,7 @@ layout(std430, binding = 3) readonly buffer Positives { uint positives[]; };
 layout(std430, binding = 4) readonly buffer Blurry { float blurry[]; };
 layout(std430, binding = 5) readonly buffer Thresholds { float thresholds[]; };
 layout(std430, binding = 6) readonly buffer Base { float bases[]; };
-layout(std430, binding = 7) readonly buffer Instant { float instant[]; };
+layout(std430, binding = 7) readonly buffer Instant { uint instant[]; };
 layout(std430, binding = 8) writeonly buffer Planes { float planes[]; };
 
 layout(push_constant) uniform Push {
@@ -48,7 +49,6 @@ layout(push_constant) uniform Push {
 #include "prior_steps.glsl"
 
 const vec2 DECAY = vec2(0.04, 0.25);
-const uint SURFACES = 11; // first channel
 
 void main() {
     const uint x = gl_GlobalInvocationID.x;
@@ -56,7 +56,7 @@ void main() {
     if (x >= width) {
         return;
     }
-    const float time = instant[instant_origin];
+    const float time = uintBitsToFloat(instant[instant_origin + INSTANT_TIME]);
     const uint pixel = y * width + x;
     const uint begin = offsets[pixel];
     uint end = offsets[pixel + 1];
@@ -95,11 +95,11 @@ void main() {
     const vec2 near = (value + SMALL) * step_before * exp((before - time) / DECAY);
     const vec2 far = (value + SMALL) * step_after * exp((time - after) / DECAY);
 
-    planes[element(planes_layout, 0, y, x)] = value;
-    planes[element(planes_layout, 1, y, x)] = blurry[element(blurry_layout, 0, y, x)];
-    planes[element(planes_layout, SURFACES, y, x)] = near.x;
-    planes[element(planes_layout, SURFACES + 1, y, x)] = near.y;
-    planes[element(planes_layout, SURFACES + 2, y, x)] = far.x;
-    planes[element(planes_layout, SURFACES + 3, y, x)] = far.y;
-    planes[element(planes_layout, SURFACES + 4, y, x)] = time * time;
+    planes[element(planes_layout, PLANE_PRIOR, y, x)] = value;
+    planes[element(planes_layout, PLANE_BLURRY, y, x)] = blurry[element(blurry_layout, 0, y, x)];
+    planes[element(planes_layout, PLANE_SURFACES, y, x)] = near.x;
+    planes[element(planes_layout, PLANE_SURFACES + 1, y, x)] = near.y;
+    planes[element(planes_layout, PLANE_SURFACES + 2, y, x)] = far.x;
+    planes[element(planes_layout, PLANE_SURFACES + 3, y, x)] = far.y;
+    planes[element(planes_layout, PLANE_TIME, y, x)] = time * time;
 }

@@ -6,6 +6,7 @@
 // Outside the image the border pixels repeat (ZERO = 0), or are 0 (ZERO = 1).
 //
 // from, to   [channels][height][width]
+// Bindings: 0 from, 1 to.
 // Precondition: width <= 64 x groups.x, height = groups.y, channels = groups.z; REACH <= 4.
 // Tile: one pixel an invocation, 64 x 1 x 1 a workgroup.
 layout(local_size_x = 64) in;

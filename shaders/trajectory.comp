@@ -1,6 +1,5 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-#include "tensor.glsl"
 
 // Where what is at a cell's centre g at a wanted time t is at the anchor times, as displacement in
 // pixels: the velocity field v followed from t to the nearest anchor on either side, and from anchor to
@@ -10,7 +9,7 @@
 //     away(a_i) = p_{i+1} - g
 // v between cell centres is bilinear, beyond the outer ones their value. A cell is 8 x 8 pixels.
 //
-// velocity   [9][height][width] vec2: x and y, pixels a unit of time
+// velocity   [9][height][width] vec2: x and y, pixels a unit of time; finite, for it says what is read
 // instant    layers/instant.hpp: time, place = 4 (t + 1), the anchor below
 // away       [9][height][width] vec2
 // Bindings: 0 velocity, 1 instant, 2 away. Origins in vec2.
@@ -19,7 +18,7 @@
 layout(local_size_x = 64) in;
 
 layout(std430, binding = 0) readonly buffer Velocity { vec2 velocity[]; };
-layout(std430, binding = 1) readonly buffer Instant { float instant[]; };
+layout(std430, binding = 1) readonly buffer Instant { uint instant[]; };
 layout(std430, binding = 2) writeonly buffer Away { vec2 away[]; };
 
 layout(push_constant) uniform Push {
@@ -30,24 +29,18 @@ layout(push_constant) uniform Push {
     uint height;
 };
 
-const int ANCHORS = 9;
-const float GAP = 0.25;   // between anchors
-const float STRIDE = 8.0; // pixels a side of a cell
+#include "bilinear.glsl"
+#include "fusion_constants.glsl"
 
 // v(anchor) at a position in cells from the centre of the first one.
 vec2 velocity_at(int anchor, vec2 position) {
-    const vec2 last = vec2(width - 1, height - 1);
-    const vec2 place = clamp(position, vec2(0), last);
-    const vec2 low = floor(place);
-    const vec2 share = place - low;
-    const uvec2 at = uvec2(low);
-    const uvec2 next = uvec2(min(low + 1, last));
+    const Neighbours n = neighbours(position, vec2(width - 1, height - 1));
     const uint plane = velocity_origin + uint(anchor) * (width * height);
-    const uint row = plane + at.y * width;
-    const uint below = plane + next.y * width;
-    const vec2 upper = mix(velocity[row + at.x], velocity[row + next.x], share.x);
-    const vec2 lower = mix(velocity[below + at.x], velocity[below + next.x], share.x);
-    return mix(upper, lower, share.y);
+    const uint row = plane + n.at.y * width;
+    const uint below = plane + n.next.y * width;
+    const vec2 upper = mix(velocity[row + n.at.x], velocity[row + n.next.x], n.share.x);
+    const vec2 lower = mix(velocity[below + n.at.x], velocity[below + n.next.x], n.share.x);
+    return mix(upper, lower, n.share.y);
 }
 
 void main() {
@@ -56,8 +49,8 @@ void main() {
     if (x >= width) {
         return;
     }
-    const float place = instant[instant_origin + 1];
-    const int below = int(floatBitsToUint(instant[instant_origin + 2]));
+    const float place = uintBitsToFloat(instant[instant_origin + INSTANT_PLACE]);
+    const int below = int(instant[instant_origin + INSTANT_BELOW]);
     const bool forward = gl_WorkGroupID.z == 1;
     const int direction = forward ? 1 : -1;
     const uint cell = y * width + x;
@@ -69,11 +62,11 @@ void main() {
     vec2 moved = vec2(0); // pixels
     int anchor = forward ? below + 1 : below;
     float span = (float(anchor) - place) * GAP;
-    for (; anchor >= 0 && anchor < ANCHORS; anchor += direction) {
-        const vec2 ahead = velocity_at(anchor, centre + (moved + span * speed) / STRIDE);
+    for (; anchor >= 0 && anchor < int(ANCHORS); anchor += direction) {
+        const vec2 ahead = velocity_at(anchor, centre + (moved + span * speed) / float(CELL));
         moved += 0.5 * span * (speed + ahead);
         away[away_origin + uint(anchor) * plane + cell] = moved;
-        speed = velocity_at(anchor, centre + moved / STRIDE);
+        speed = velocity_at(anchor, centre + moved / float(CELL));
         span = float(direction) * GAP;
     }
 }

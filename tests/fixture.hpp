@@ -1,13 +1,29 @@
 #pragma once
 #include <algorithm>
 #include <cmath>
+#include <span>
 #include <string>
 #include <vector>
 
 #include "layers/method.hpp"
+#include "runtime/error.hpp"
 #include "weights/safetensors.hpp"
 
 namespace ecir::test {
+
+/// The code of the Error that an action throws, or ok.
+ExitCode code_of(const auto& action) {
+    try {
+        action();
+    } catch (const Error& error) {
+        return error.code();
+    }
+    return ExitCode::ok;
+}
+
+inline bool all_finite(std::span<const float> values) {
+    return std::ranges::all_of(values, [](float value) { return std::isfinite(value); });
+}
 
 /// A file of tests/fixtures (tools/train/make_fixtures.py): weights, an input, and the frames that
 /// PyTorch computed from them in float64.

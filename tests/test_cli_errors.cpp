@@ -145,6 +145,19 @@ TEST_SUITE("cli errors") {
         CHECK(write("start.h5") != get(scene.result("inside.npy")));
     }
 
+    TEST_CASE("pixels with more events than a fusion network takes are said") {
+        const Scene& scene = Scene::get();
+        std::string lines;
+        for (int i = 0; i < 800; ++i) {
+            lines += "1600000000.03" + std::to_string(1000 + i) + " 4 4 1\n";
+        }
+        const Outcome outcome =
+            must(Scene::deblur_of(scene.blurry, file("busy.txt", text_events(lines)),
+                                  scene.result("busy.npy"), {"--threshold", "0.2"}));
+        CHECK(outcome.err.find("blurry_000000.png: 1 of its pixels have more than 768 events") !=
+              std::string::npos);
+    }
+
     TEST_CASE("an exposure without events is the blurry frame, and said") {
         const Scene& scene = Scene::get();
         const io::Image blurry = io::read_image(scene.blurry);

@@ -6,11 +6,13 @@
 #include "layers/deblur.hpp"
 #include "layers/operations.hpp"
 #include "runtime/error.hpp"
+#include "tests/fixture.hpp"
 
 // The library's main entry, on small scenes made of random events.
 namespace {
 
 using namespace ecir;
+using ecir::test::code_of;
 
 constexpr uint32_t kWidth = 37;
 constexpr uint32_t kHeight = 26;
@@ -39,15 +41,6 @@ const std::vector<float>& blurry() {
 
 std::span<const float> frame(const std::vector<float>& frames, size_t index) {
     return std::span(frames).subspan(index * kWidth * kHeight, kWidth * kHeight);
-}
-
-ExitCode code_of(const auto& action) {
-    try {
-        action();
-    } catch (const Error& error) {
-        return error.code();
-    }
-    return ExitCode::ok;
 }
 
 } // namespace
@@ -86,7 +79,7 @@ TEST_SUITE("deblur") {
             Deblur deblur(Device::open(), options, kWidth, kHeight);
             const auto frames =
                 deblur.frames(blurry(), events.view(), kExposure, std::vector{0.5, -0.5, 0.5});
-            CHECK(std::ranges::all_of(frames, [](float value) { return std::isfinite(value); }));
+            CHECK(test::all_finite(frames));
         }
     }
 
@@ -121,6 +114,66 @@ TEST_SUITE("deblur") {
         }
     }
 
+    TEST_CASE("after a number of frames that no memory holds the object works on") {
+        const auto device = Device::open();
+        const Events events = random_events(500);
+        const uint64_t pixels = uint64_t{kWidth} * kHeight;
+        const std::vector<double> many(device->info().heap_bytes / (4 * pixels) + 1, 0.5);
+        for (const char* model : {"edi", "ecir", "fusion"}) {
+            CAPTURE(model);
+            DeblurOptions options;
+            options.model = model;
+            Deblur deblur(device, options, kWidth, kHeight);
+            const auto run = [&](std::span<const double> times) {
+                return deblur.frames(blurry(), events.view(), kExposure, times);
+            };
+            const auto before = run(even_times(2));
+            for (int i = 0; i < 2; ++i) {
+                CHECK(code_of([&] { run(many); }) == ExitCode::resources);
+            }
+            CHECK(run(even_times(2)) == before);
+        }
+    }
+
+    TEST_CASE("values that are no luminance are refused with their place") {
+        const Events events = random_events(100);
+        Deblur deblur(Device::open(), {}, kWidth, kHeight);
+        for (const float wrong : {NAN, INFINITY, -INFINITY, -0.01F, 1.01F, 255.0F}) {
+            auto values = blurry();
+            values[3 * kWidth + 5] = wrong;
+            CHECK_THROWS_WITH_AS(deblur.frames(values, events.view(), kExposure, std::vector{0.0}),
+                                 doctest::Contains("x 5, y 3"), Error);
+        }
+        auto values = blurry();
+        values[0] = 1.000001F;
+        values[1] = -0.000001F;
+        CHECK_NOTHROW(deblur.frames(values, events.view(), kExposure, std::vector{0.0}));
+    }
+
+    TEST_CASE("black and white pixels, events from 0 or from 1.6e15 on, and a single frame") {
+        const auto device = Device::open();
+        const Events events = random_events(2000);
+        Events early = events;
+        for (int64_t& t : early.t) {
+            t -= kExposure.start;
+        }
+        std::vector<float> extremes(kWidth * kHeight);
+        for (size_t i = 0; i < extremes.size(); ++i) {
+            extremes[i] = i / 3 % 2 == 0 ? 0.0F : 1.0F;
+        }
+        for (const char* model : {"edi", "ecir", "fusion"}) {
+            CAPTURE(model);
+            DeblurOptions options;
+            options.model = model;
+            Deblur deblur(device, options, kWidth, kHeight);
+            const auto late = deblur.frames(extremes, events.view(), kExposure, even_times(1));
+            CHECK(late.size() == extremes.size());
+            CHECK(test::all_finite(late));
+            CHECK(late == deblur.frames(extremes, early.view(),
+                                        {0, kExposure.end - kExposure.start}, even_times(1)));
+        }
+    }
+
     TEST_CASE("what a model does not take is refused") {
         const auto device = Device::open();
         const auto open = [&](const auto& change) {
@@ -137,6 +190,9 @@ TEST_SUITE("deblur") {
         CHECK(open([](O& o) { o.model = "ecir", o.thresholds = EdiThresholds{}; }) ==
               ExitCode::usage);
         CHECK(open([](O& o) { o.model = "edi", o.refine = 1; }) == ExitCode::usage);
+        for (const float wrong : {0.0F, -0.2F, NAN, INFINITY}) {
+            CHECK(open([&](O& o) { o.thresholds = {0.2F, wrong}; }) == ExitCode::usage);
+        }
         Deblur deblur(device, {}, kWidth, kHeight);
         CHECK(code_of([&] { deblur.frames(blurry(), {}, kExposure, std::vector{1.5}); }) ==
               ExitCode::usage);

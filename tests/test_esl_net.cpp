@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 
 #include "layers/deblur.hpp"
 #include "layers/esl_net.hpp"
@@ -10,6 +11,7 @@
 #include "tests/fixture.hpp"
 
 using namespace ecir;
+using ecir::test::code_of;
 using ecir::test::Fixture;
 
 namespace {
@@ -82,6 +84,23 @@ TEST_SUITE("esl net") {
               std::vector<IntervalRange>(40, IntervalRange{}));
     }
 
+    TEST_CASE("intervals of an empty exposure, none at all, and a time outside are refused") {
+        const Exposure exposure{0, 1000};
+        CHECK_THROWS_AS(outward_intervals({}, {5, 5}, 0, 20), Error);
+        CHECK_THROWS_AS(outward_intervals({}, {5, 4}, 0, 20), Error);
+        CHECK_THROWS_AS(outward_intervals({}, exposure, 0, 0), Error);
+        CHECK_THROWS_AS(outward_intervals({}, exposure, 1.01, 20), Error);
+        CHECK_THROWS_AS(outward_intervals({}, exposure, NAN, 20), Error);
+    }
+
+    TEST_CASE("a convolution that may bind no whole block is refused") {
+        const auto device = Device::open();
+        const std::vector<float> weight(16);
+        CHECK_THROWS_WITH_AS(Conv(*device, {.out_channels = 16, .kernel = 1, .most_bound = 4},
+                                  {channel_range(0, 1)}, weight, {}),
+                             doctest::Contains("most_bound"), Error);
+    }
+
     TEST_CASE("the training code counts the same events") {
         const Fixture fixture(kFixture);
         const auto& sums = fixture.file.get("output.counts", {4, 40});
@@ -119,12 +138,8 @@ TEST_SUITE("esl net") {
         CHECK(std::ranges::equal(std::span(frames).last(pixels), expected.first(pixels)));
 
         const auto refused = [&](const DeblurOptions& wrong) {
-            try {
-                Deblur(device, wrong, fixture.width, fixture.height);
-            } catch (const Error& error) {
-                return error.code() == ExitCode::usage;
-            }
-            return false;
+            return code_of([&] { Deblur(device, wrong, fixture.width, fixture.height); }) ==
+                   ExitCode::usage;
         };
         DeblurOptions wrong = options;
         wrong.refine = 1;
@@ -151,7 +166,7 @@ TEST_SUITE("esl net") {
             const Events events = random_events(random, exposure, 16, 16, count, 20);
             const auto frames = method.frames({blurry, events.view(), exposure, times});
             CHECK(frames.size() == 256);
-            CHECK(std::ranges::all_of(frames, [](float value) { return std::isfinite(value); }));
+            CHECK(test::all_finite(frames));
         }
     }
 }

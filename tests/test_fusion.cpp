@@ -13,6 +13,8 @@
 #include "tests/fixture.hpp"
 
 using namespace ecir;
+using ecir::test::all_finite;
+using ecir::test::code_of;
 using ecir::test::Fixture;
 
 namespace {
@@ -34,10 +36,6 @@ struct FusionFixture : Fixture {
         return options;
     }
 };
-
-bool all_finite(std::span<const float> values) {
-    return std::ranges::all_of(values, [](float value) { return std::isfinite(value); });
-}
 
 } // namespace
 
@@ -139,17 +137,10 @@ TEST_SUITE("fusion") {
         options.model = "edi";
         CHECK(run(options) == estimated);
 
-        const auto refused = [&](const DeblurOptions& wrong) {
-            try {
-                Deblur(device, wrong, fixture.width, fixture.height);
-            } catch (const Error& error) {
-                return error.code() == ExitCode::usage;
-            }
-            return false;
-        };
         DeblurOptions wrong = fixture.options();
         wrong.keypoints = 10;
-        CHECK(refused(wrong));
+        CHECK(code_of([&] { Deblur(device, wrong, fixture.width, fixture.height); }) ==
+              ExitCode::usage);
         CHECK_THROWS_WITH_AS(FusionMethod(device, Fixture("ecir-paper-173x131").file, 16, 16, {}),
                              doctest::Contains("'trunk'"), Error);
     }
@@ -175,6 +166,8 @@ TEST_SUITE("fusion") {
         }
         const auto frames = method.frames({blurry, busy.view(), exposure, times});
         const std::vector<float> kept(frames.begin(), frames.end());
+        CHECK(method.ignored_pixels() == 1);
         CHECK(std::ranges::equal(kept, method.frames({blurry, {}, exposure, times})));
+        CHECK(method.ignored_pixels() == 0);
     }
 }

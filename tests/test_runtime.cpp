@@ -6,11 +6,13 @@
 #include "runtime/arena.hpp"
 #include "runtime/error.hpp"
 #include "runtime/program.hpp"
+#include "tests/fixture.hpp"
 
 // The runtime by itself: memory planning, barriers, reflection, devices.
 namespace {
 
 using namespace ecir;
+using ecir::test::code_of;
 
 /// tap_sum with one tap copies a plane, which is all that these tests need of a kernel.
 void add_copy(Program& program, const Tensor& from, const Tensor& to, double flops = 0) {
@@ -33,15 +35,6 @@ void add_copy(Program& program, const Tensor& from, const Tensor& to, double flo
     dispatch.flops = flops;
     dispatch.label = "copy";
     program.add(std::move(dispatch));
-}
-
-ExitCode code_of(const auto& action) {
-    try {
-        action();
-    } catch (const Error& error) {
-        return error.code();
-    }
-    return ExitCode::ok;
 }
 
 } // namespace
@@ -92,6 +85,20 @@ TEST_SUITE("runtime") {
         CHECK(std::ranges::equal(program.read(last), values));
         CHECK(program.barriers() == kSteps);
         CHECK(program.arena_bytes() < 3 * plane.elements() * 4);
+    }
+
+    TEST_CASE("more workgroups than the device launches are refused by the kernel's name") {
+        const auto device = Device::open();
+        const uint64_t most = device->info().max_groups[1];
+        if (most >= 1U << 24) {
+            return; // no image is so high
+        }
+        Program program(*device);
+        const Layout high{1, static_cast<uint32_t>(most) + 1, 1};
+        const Tensor from = program.input(high);
+        const Tensor to = program.output(high);
+        CHECK_THROWS_WITH_AS(add_copy(program, from, to), doctest::Contains("tap_sum"), Error);
+        CHECK(code_of([&] { add_copy(program, from, to); }) == ExitCode::resources);
     }
 
     TEST_CASE("steps that touch different bytes need no barrier between them") {

@@ -253,11 +253,14 @@ constexpr std::array<Case, 9> cases = {{
     {50, 47, 15, 0.01, 0, false},
 }};
 
-} // namespace
+/// Oblique stripes.
+constexpr std::array<Case, 2> oblique_cases = {{
+    {45, 61, 20, 0, 0, false},
+    {64, 40, 12, 0, 0, true},
+}};
 
-Trial motion_trial(Device& device, uint32_t trial) {
-    const Case& shape = cases.at(trial % cases.size());
-    CaseRandom random(900 + trial);
+/// lean: columns by which the texture moves from one row to the next; it is as much finer too.
+Trial make_trial(Device& device, const Case& shape, CaseRandom random, double lean) {
     const uint32_t height = (shape.height + 1) / 2;
     const uint32_t width = (shape.width + 1) / 2;
     // Waves that move, turning, with noise that changes from frame to frame.
@@ -268,7 +271,7 @@ Trial motion_trial(Device& device, uint32_t trial) {
         const double dy = shape.speed * time * time / 2;
         for (uint32_t i = 0; i < height * width; ++i) {
             const uint32_t row = i / width;
-            const double x = 2.0 * (i % width) - dx;
+            const double x = (1 + lean) * (2.0 * (i % width) + lean * 2.0 * row - dx);
             const double y = shape.slant * (2.0 * row - dy);
             const double wave =
                 std::sin(x / 9 + y / 23) + std::cos(y / 7 - x / 31) + 0.5 * std::sin((x + y) / 5);
@@ -301,6 +304,17 @@ Trial motion_trial(Device& device, uint32_t trial) {
         value *= shape.channels ? 0.05 : 1;
     }
     return result;
+}
+
+} // namespace
+
+Trial motion_trial(Device& device, uint32_t trial) {
+    return make_trial(device, cases.at(trial % cases.size()), CaseRandom(900 + trial), 0);
+}
+
+Trial motion_oblique_trial(Device& device, uint32_t trial) {
+    return make_trial(device, oblique_cases.at(trial % oblique_cases.size()),
+                      CaseRandom(950 + trial), 0.7);
 }
 
 } // namespace ecir

@@ -8,15 +8,16 @@
 
 namespace ecir::reference {
 
-/// What record_motion() computes, in double precision: velocities [2 *
-/// anchor_count][rows][columns]. logarithms: [prior_windows + 1][height][width].
+/// What record_motion() computes, in double precision: velocities, [2 anchor_count][rows][columns].
+/// logarithms: [prior_windows + 1][height][width].
 std::vector<double> motion(std::span<const float> logarithms, uint32_t height, uint32_t width);
 
 } // namespace ecir::reference
 
 namespace ecir {
 
-/// Cases of record_motion() (layers/motion.hpp).
+/// Cases of record_motion() (layers/motion.hpp), and those of stripes that no axis is along.
 Trial motion_trial(Device& device, uint32_t trial);
+Trial motion_oblique_trial(Device& device, uint32_t trial);
 
 } // namespace ecir

@@ -182,9 +182,10 @@ struct Case {
     EdiThresholds thresholds;
     uint32_t block = 1; ///< of what the kernels write
     uint32_t halo = 0;
+    bool rising = false; ///< every event is positive
 };
 
-constexpr std::array<Case, 9> cases = {{
+constexpr std::array<Case, 10> cases = {{
     {16, 16, 12, {0.2F, 0.2F}, 1, 1},
     {17, 5, 0, {0.2F, 0.2F}, 1, 0},
     {1, 1, 9, {0.2F, 0.25F}, 8, 0},
@@ -194,6 +195,7 @@ constexpr std::array<Case, 9> cases = {{
     {31, 14, 7, {0.2F, 0.2F}, 4, 0},
     {2, 7, 900, {0.02F, 0.021F}, 1, 1}, // some with more than prior_busy_events
     {33, 46, 100, {0.1F, 0.11F}, 1, 0},
+    {13, 11, 700, {0.35F, 0.35F}, 1, 0, true},
 }};
 
 /// The case's inputs, made and written by a program.
@@ -207,6 +209,10 @@ struct Inputs {
         : events(random_packed_events(random, size_t{shape.width} * shape.height, shape.events)),
           blurry(random.values(size_t{shape.width} * shape.height, 0, 1)),
           thresholds(shape.thresholds) {
+        for (size_t i = 0; i < events.size() && shape.rising; ++i) {
+            events.mark[i] |= uint32_t{1} << 31;
+            events.positives[i + 1] = static_cast<uint32_t>(i + 1);
+        }
         const auto count = std::max(1U, static_cast<uint32_t>(events.size()));
         tensors.offsets = program.input({1, 1, static_cast<uint32_t>(events.offset.size())});
         tensors.times = program.input({1, 1, count});

@@ -7,6 +7,7 @@
 #include <string>
 
 #include "layers/elementwise.hpp"
+#include "layers/fusion_fetch.hpp"
 
 namespace ecir::reference {
 namespace {

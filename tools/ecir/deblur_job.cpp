@@ -5,6 +5,7 @@
 #include <memory>
 #include <span>
 
+#include "layers/prior.hpp"
 #include "runtime/error.hpp"
 #include "tools/ecir/console.hpp"
 #include "tools/ecir/frame_output.hpp"
@@ -169,6 +170,11 @@ private:
         const std::vector<float> luminance = io::luminance(image);
         const auto frames = deblur_->frames(luminance, events, item.exposure, times);
         tell_thresholds(item.image, events);
+        if (deblur_->ignored_pixels() > 0) {
+            console_.warn(item.image.string() + ": " + std::to_string(deblur_->ignored_pixels()) +
+                          " of its pixels have more than " + std::to_string(prior_busy_events) +
+                          " events, which this model takes as without events; -m edi takes more");
+        }
         write(image, luminance, frames, times, item, output);
     }
 

@@ -1,0 +1,50 @@
+#pragma once
+#include <cstdint>
+#include <initializer_list>
+#include <string>
+
+#include "runtime/error.hpp"
+#include "runtime/tensor.hpp"
+
+namespace ecir {
+
+/// What the layers share to check tensors and to tell kernels where they lie.
+
+/// Origin of a dense tensor as a kernel sees it that reads `words` floats as one element.
+inline uint32_t origin(const Tensor& tensor, uint32_t words = 1) {
+    return PushLayout(tensor).origin / words;
+}
+
+inline bool has_shape(const Tensor& tensor, uint32_t channels, uint32_t height, uint32_t width) {
+    const Layout& layout = tensor.layout();
+    return layout.channels == channels && layout.height == height && layout.width == width;
+}
+
+/// Rows and planes follow each other without gaps.
+inline bool is_dense(const Tensor& tensor) {
+    return tensor.layout().halo == 0 && tensor.layout().pitch == 0;
+}
+
+/// "9x45x61 block 8 halo 1": channels, height, width.
+inline std::string shape_text(const Tensor& tensor) {
+    const Layout& layout = tensor.layout();
+    return std::to_string(layout.channels) + "x" + std::to_string(layout.height) + "x" +
+           std::to_string(layout.width) +
+           (layout.block > 1 ? " block " + std::to_string(layout.block) : "") +
+           (layout.halo > 0 ? " halo " + std::to_string(layout.halo) : "");
+}
+
+/// Throws Error(bad_input) that names the operation and the shapes unless they are good.
+inline void require_shapes(bool good, const std::string& operation,
+                           std::initializer_list<Tensor> tensors) {
+    if (good) {
+        return;
+    }
+    std::string text;
+    for (const Tensor& tensor : tensors) {
+        text += (text.empty() ? "" : ", ") + shape_text(tensor);
+    }
+    throw Error(ExitCode::bad_input, operation + ": tensors of " + text + " do not fit together");
+}
+
+} // namespace ecir
