@@ -7,7 +7,7 @@ WEIGHTS = {"frames": 10.0, "log": 0.3, "mean": 10.0}
 PAPER_WEIGHTS = WEIGHTS
 LARGEST_GRADIENT = 2.0
 SIZES = {"small": ((16, 32, 48, 64), (16, 16, 32)), "base": ((32, 64, 96, 128), (16, 32, 48)),
-         "large": ((48, 96, 128, 160), (32, 48, 80))}
+         "large": ((32, 64, 96, 128), (16, 48, 80))}
 FRAMES = 2      # of a scene's random times, a step
 SATURATED = 0.97    # blurry values from here on may be less than the mean
 
