@@ -16,7 +16,7 @@ import torch.nn.functional as F
 
 import motion
 
-ANCHORS = 9         # frames of the prior, at even times from -1 to 1
+ANCHORS = len(motion.ANCHORS)   # frames of the prior, at even times from -1 to 1
 PLANES = ANCHORS + 7    # of the head's input
 STRIDE = motion.CELL    # pixels a side of a cell of the velocity field
 BASIS = 4           # Chebyshev polynomials of time that the trunk's features for the head are made of

@@ -144,7 +144,7 @@ def main():
         folder = os.path.join(args.cache, f"{first:06d}")
         if not os.path.isdir(folder):
             build_shard(make, source, folder, args.seed, first, min(args.shard, args.first + args.scenes - first),
-                        (args.side, args.side))
+                        size)
 
 
 if __name__ == "__main__":

@@ -64,8 +64,8 @@ def make_scene(source, seed, index, size, travel=None, times=None, sensor=Sensor
     weight = np.full(steps, 1.0 / (steps - 1), np.float32)  # trapezoid rule of equation 1
     weight[[0, -1]] /= 2
     flat = frames.reshape(steps, -1)
-    mean = np.minimum(weight @ flat, 1).reshape(size)
-    blurry = sensor.frame(rng, (weight @ flat).reshape(size))
+    radiance = (weight @ flat).reshape(size)
+    mean, blurry = np.minimum(radiance, 1), sensor.frame(rng, radiance)
     curve = None
     if fit:
         to_fit = np.linalg.pinv(np.polynomial.chebyshev.chebvander(grid, DEGREE)).astype(np.float32)

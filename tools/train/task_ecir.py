@@ -6,6 +6,7 @@ from export import model_metadata, model_tensors
 from model import PAPER, ECIR, chebyshev_nodes, derivative_at_nodes, frame_matrix, pivots, render
 from pack import BINS, KEYPOINTS
 from simulate import UNIFORM_TIMES
+from training import psnr
 
 REFINE_COST = 6 * 64 * 64   # frames x pixels of a refinement step, held about constant
 RHO = 5.0                   # of the residual loss
@@ -191,10 +192,6 @@ def losses(model, b, rng, progress, mixed):
     terms["residual"] = sum((weight * (r[keep] - step).abs()).mean() for r in residuals) * (d - 1) / len(residuals)
     terms["log"] = terms["log"] + log_error(refined, target)
     return terms
-
-
-def psnr(frames, truth):
-    return float(-10 * torch.log10((frames.clamp(0, 1) - truth).square().mean((2, 3)) + 1e-8).mean())
 
 
 def validate(model, scenes, device, count=12):

@@ -1,7 +1,9 @@
 """What the fusion network is trained on and for; see training.py."""
 import numpy as np
 import torch
+
 from fusion import ANCHORS, Fusion
+from training import psnr
 
 WEIGHTS = {"frames": 10.0, "log": 0.3, "mean": 10.0}
 PAPER_WEIGHTS = WEIGHTS
@@ -89,10 +91,6 @@ def losses(model, b, rng, progress, mixed):
         seen = b["blurry"][:, 0] < SATURATED
         terms["mean"] = (seen * torch.sqrt(mean.square() + 1e-7)).mean()
     return terms
-
-
-def psnr(frames, truth):
-    return float(-10 * torch.log10((frames.clamp(0, 1) - truth).square().mean((2, 3)) + 1e-8).mean())
 
 
 def validate(model, scenes, device, count=40):

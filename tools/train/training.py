@@ -42,6 +42,11 @@ def learning_rate(args, progress):
     return peak * warm * (0.01 + 0.99 * 0.5 * (1 + np.cos(np.pi * min(progress, 1.0))))
 
 
+def psnr(frames, truth):
+    """dB, mean over all frames N x T x H x W, clipped to [0, 1]; not rounded to 8 bits."""
+    return float(-10 * torch.log10((frames.clamp(0, 1) - truth).square().mean((2, 3)) + 1e-8).mean())
+
+
 def load_checkpoint(path, device):
     try:
         return torch.load(path, map_location=device)
