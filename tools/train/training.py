@@ -14,6 +14,7 @@ from export import write_safetensors
 from pack import Shards
 
 SAVE_SECONDS = 360
+PAUSE_SECONDS = 20  # a step that took longer was suspended: its time does not count
 EVEN_STEPS = 4      # one step in so many sees scenes of --even
 
 
@@ -137,14 +138,15 @@ class Trainer:
         print(f"\n{text}", file=sys.stderr, flush=True)
 
     def run(self):
-        limit, begin = self.args.minutes * 60, time.monotonic() - self.elapsed
+        limit, now = self.args.minutes * 60, time.monotonic()
         last_step = self.args.steps or float("inf")
         next_save = self.elapsed + SAVE_SECONDS
         self.model.train()
         while self.elapsed < limit and self.step < last_step:
             progress = self.step / last_step if self.args.steps else self.elapsed / limit
             self.advance(progress)
-            self.elapsed = time.monotonic() - begin
+            before, now = now, time.monotonic()
+            self.elapsed += now - before if now - before < PAUSE_SECONDS else 0
             if self.step % 10 == 0:
                 print(f"\rstep {self.step}, {self.elapsed / 60:.1f}/{self.args.minutes:g} min, "
                       + ", ".join(f"{k} {v:.4f}" for k, v in self.mean.items()) + "  ",
@@ -152,6 +154,5 @@ class Trainer:
             if self.elapsed >= next_save and self.elapsed < limit:
                 self.save()
                 self.scenes = Shards(self.args.cache)   # packing may go on beside the training
-                next_save = self.elapsed + SAVE_SECONDS
-                self.elapsed = time.monotonic() - begin
+                next_save, now = self.elapsed + SAVE_SECONDS, time.monotonic()
         self.save()
