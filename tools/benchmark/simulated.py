@@ -44,6 +44,7 @@ CONDITIONS = (
     Condition("lost", "a quarter of the events lost", (("lost", 0.25),)),
     Condition("spread", "thresholds vary by 10 % from pixel to pixel", (("pixel_spread", 0.1),)),
     Condition("bandwidth", "photoreceptor of 0.5 ms at white, slower in the dark", (("bandwidth_us", 500.0),)),
+    Condition("drift", "light that grows by a fifth during the exposure", (("drift", 0.1),)),
     Condition("frame-noise", "noise of the frame, 2 grey levels", (("frame_noise", 2 / 255),)),
 )
 

@@ -20,12 +20,13 @@ class Sensor:
     hot: float = 0.0                # share of pixels that fire by themselves at 100 to 2000 Hz
     lost: float = 0.0               # share of events that the bus drops
     frame_noise: float = 0.0        # standard deviation of the frame, [0, 1] scale, at I = 0.5
+    drift: float | None = None      # change of the light from mid-exposure to its end; None: the world's own
 
     @staticmethod
     def evaluation(rng):
-        """Sensor of the benchmark's scenes: ESIM with unknown thresholds, 0.12 to 0.35."""
+        """Sensor of the benchmark's scenes: ESIM with unknown thresholds, 0.12 to 0.35, in steady light."""
         base, apart = rng.uniform(0.12, 0.35), rng.uniform(1 / 1.1, 1.1)
-        return Sensor(positive=base * apart, negative=base / apart, warm=bool(rng.random() < 0.5))
+        return Sensor(positive=base * apart, negative=base / apart, warm=bool(rng.random() < 0.5), drift=0.0)
 
     @staticmethod
     def training(rng):

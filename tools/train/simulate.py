@@ -57,6 +57,8 @@ def make_scene(source, seed, index, size, travel=None, times=None, sensor=Sensor
     drawn = random_travel(rng)
     world = source.world(rng, size, drawn if travel is None else travel)
     sensor = sensor(rng)
+    if sensor.drift is not None:
+        world.ramp = sensor.drift
     steps = int(np.clip(np.ceil(3 * world.fastest()), 80, 288))
     grid = np.linspace(-1, 1, steps)
     frames = np.stack([world.render(time) for time in grid])
