@@ -9,8 +9,9 @@
 // phase each, with OS = 2. Host side: layers/conv.cpp.
 //
 // What makes it fast there, measured on Mesa 22.3.6 with a 5x5 stride-2 64 -> 128 layer:
-// - a lane is an output channel and keeps PX pixels of one row as accumulators: 26 GFLOP/s a core at
-//   PX = 15, 32 at PX = 20, 1 with a lane a pixel;
+// - a lane is an output channel and keeps PX pixels of one row as accumulators: with a lane a pixel it
+//   takes 20 times as long; PX = 40 is 1.25 times as fast as PX = 20, since each workgroup starts, and
+//   gathers its weights lane by lane, once for twice the pixels, though 40 no longer fit in registers;
 // - everything is unrolled ([[unroll]], sizes are specialization constants), so accumulators stay in
 //   registers; strides come from push constants at no cost, and one pipeline serves every image size;
 // - the driver loads an address once for all lanes only if it is made of constants and push constants;
@@ -39,6 +40,7 @@ layout(constant_id = 4) const int KW = 3;
 layout(constant_id = 5) const int S = 1;
 layout(constant_id = 6) const int XB = 8;
 layout(constant_id = 7) const int OS = 1;
+layout(constant_id = 8) const int INIT = 1; // 0: starts from the bias alone
 
 layout(buffer_reference, scalar) readonly buffer Source { float v[]; };
 layout(set = 0, binding = 0, scalar) uniform Weights { uint64_t w[8192]; };
@@ -54,7 +56,7 @@ layout(push_constant, scalar) uniform Push {
     uint out_plane;
     uint bias_origin;
     uint init_origin;
-    uint init_pixel; // 0 with init_row = init_plane = 0 for one value a channel
+    uint init_pixel;
     uint init_row;
     uint init_plane;
     uint width;      // output pixels a row in this phase
@@ -84,7 +86,7 @@ void main() {
     const float offset = bias[bias_origin + group * LX + lane];
     float sum[PX];
     [[unroll]] for (int p = 0; p < PX; ++p) {
-        sum[p] = init[start + p * init_pixel] + offset;
+        sum[p] = INIT == 0 ? offset : init[start + p * init_pixel] + offset;
     }
     [[unroll]] for (int i = 0; i < IB; ++i) {
         [[unroll]] for (int ky = 0; ky < KH; ++ky) {
