@@ -26,7 +26,8 @@ void append_aligned(std::vector<float>& all, const std::vector<float>& part) {
 /// Input channels of one slice: enough work for each pass over the output, code that still compiles
 /// fast.
 uint32_t slice_channels(uint32_t taps) {
-    return taps >= 12 ? 8 : taps >= 4 ? 16 : 32;
+    constexpr uint32_t kMostTaps = 144; // of all channels: half a second of LLVM for 40 pixels
+    return std::max(kConvTileBlock, kMostTaps / taps / kConvTileBlock * kConvTileBlock);
 }
 
 } // namespace

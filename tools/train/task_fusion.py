@@ -6,7 +6,6 @@ from fusion import ANCHORS, Fusion
 from training import psnr
 
 WEIGHTS = {"frames": 10.0, "log": 0.3, "mean": 30.0}
-PAPER_WEIGHTS = WEIGHTS
 LARGEST_GRADIENT = 2.0
 SIZES = {"small": ((16, 32, 48, 64), (16, 16, 32)), "base": ((32, 64, 96, 128), (16, 32, 48)),
          "large": ((32, 64, 96, 128), (16, 48, 80))}

@@ -42,6 +42,8 @@ def parse():
     args = parser.parse_args()
     if args.minutes <= 0 or args.batch < 2 or args.rate <= 0:
         parser.error("--minutes and --rate must be positive, --batch at least 2")
+    if args.paper and args.network != "ecir":
+        parser.error("--paper is the schedule of the E-CIR network's paper; the fusion network has one of its own")
     return args
 
 
