@@ -72,6 +72,11 @@ public:
 
     /// Runs command buffers in order, one submission each, and waits for the last.
     void submit(std::span<const VkCommandBuffer> commands);
+    /// The same without waiting: `fence`, which is not signalled yet, will be after the last.
+    void start(std::span<const VkCommandBuffer> commands, VkFence fence);
+    /// Waits for what start() gave this fence, which can then be used again.
+    void wait(VkFence fence);
+    [[nodiscard]] Handle<VkFence> make_fence() const;
 
 private:
     Device(std::shared_ptr<Instance> instance, VkPhysicalDevice physical, DeviceInfo info);
