@@ -179,6 +179,10 @@ std::vector<float> Deblur::finish() {
     return result;
 }
 
+double Deblur::operations() const {
+    return method_->operations();
+}
+
 std::vector<double> even_times(uint32_t count) {
     std::vector<double> times(count);
     for (uint32_t i = 0; i < count; ++i) {

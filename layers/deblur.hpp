@@ -66,6 +66,10 @@ public:
     /// (prior_busy_events), to which they were pixels without events. 0 for the other models.
     [[nodiscard]] size_t ignored_pixels() const { return ignored_pixels_; }
 
+    /// Floating-point operations of the kernels for one frame, of as many times as the last; 0
+    /// before the first one with events.
+    [[nodiscard]] double operations() const;
+
 private:
     /// A frame begun and not finished.
     struct Begun {
@@ -90,6 +94,9 @@ std::vector<double> even_times(uint32_t count);
 /// of that name in the installation this program belongs to, or in the build tree. Throws
 /// Error(bad_input) naming the places looked at and the models that there are.
 std::filesystem::path find_model(const std::string& name);
+
+/// `edi` and the shipped models that find_model() finds, by name.
+std::vector<std::string> model_names();
 
 /// Colour from a deblurred luminance: c + e = (b_c + e) (l + e) / (b_y + e), e = 0.01, for each
 /// pixel and channel. blurry: pixels x channels; luminance_blurry, luminance: one value a pixel.

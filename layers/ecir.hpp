@@ -31,6 +31,7 @@ public:
 
     FrameFacts begin(const FrameInput& input) override;
     std::span<const float> finish() override { return program_.finish(); }
+    [[nodiscard]] double operations() const override { return program_.operations(); }
 
     [[nodiscard]] const EcirConfig& config() const { return config_; }
     /// Time of each dispatch of a run with the last input.

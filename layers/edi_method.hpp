@@ -15,6 +15,7 @@ public:
 
     FrameFacts begin(const FrameInput& input) override;
     std::span<const float> finish() override { return program_.finish(); }
+    [[nodiscard]] double operations() const override { return program_.operations(); }
 
 private:
     void record(Program& program, uint32_t frames, uint32_t capacity);

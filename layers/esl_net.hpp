@@ -51,6 +51,7 @@ public:
     /// Does all the work, so that frames do not overlap; each takes the device long.
     FrameFacts begin(const FrameInput& input) override;
     std::span<const float> finish() override;
+    [[nodiscard]] double operations() const override { return program_.operations(); }
 
     /// Time of each dispatch of a run for the last frame.
     [[nodiscard]] std::vector<DispatchTime> profile() const { return program_.profile(); }

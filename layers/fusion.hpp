@@ -74,6 +74,7 @@ public:
 
     FrameFacts begin(const FrameInput& input) override;
     std::span<const float> finish() override { return program_.finish(); }
+    [[nodiscard]] double operations() const override { return program_.operations(); }
 
     /// Time of each dispatch of a run with the last input.
     [[nodiscard]] std::vector<DispatchTime> profile() const { return program_.profile(); }

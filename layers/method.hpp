@@ -46,6 +46,9 @@ public:
     /// times; valid until the next call. Not clipped.
     virtual std::span<const float> finish() = 0;
 
+    /// Floating-point operations of the program that makes the frames; 0 before the first.
+    [[nodiscard]] virtual double operations() const = 0;
+
     /// Both halves, with nothing begun before.
     std::span<const float> frames(const FrameInput& input) {
         begin(input);
@@ -126,6 +129,8 @@ public:
         program_->wait();
         return program_->read(oldest.output);
     }
+
+    [[nodiscard]] double operations() const { return program_ ? program_->flops() : 0; }
 
     /// Time of each dispatch of a run with the last input. Throws Error(device) before the first
     /// one, and where the device has no timestamps.

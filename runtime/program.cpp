@@ -1,6 +1,7 @@
 #include "runtime/program.hpp"
 
 #include <algorithm>
+#include <numeric>
 
 #include "runtime/error.hpp"
 
@@ -183,6 +184,11 @@ bool Program::reserve() {
     }
     written_ = staging_.size() - 1;
     return true;
+}
+
+double Program::flops() const {
+    return std::accumulate(steps_.begin(), steps_.end(), 0.0,
+                           [](double sum, const Step& step) { return sum + step.dispatch.flops; });
 }
 
 void Program::write(const Tensor& input, std::span<const std::byte> data) {

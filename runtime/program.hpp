@@ -131,6 +131,8 @@ public:
 
     [[nodiscard]] Device& device() const { return device_; }
     [[nodiscard]] uint64_t arena_bytes() const { return arena_bytes_; }
+    /// Floating-point operations of all dispatches.
+    [[nodiscard]] double flops() const;
     [[nodiscard]] size_t steps() const { return steps_.size(); }
     [[nodiscard]] size_t barriers() const { return barriers_; }
     [[nodiscard]] size_t submissions() const { return staging_.front().recording.commands.size(); }
