@@ -108,7 +108,7 @@ TEST_SUITE("io") {
             const io::EventWindows windows(path);
             REQUIRE(windows.span().has_value());
             CHECK(windows.span()->first == start);
-            CHECK(windows.span()->last == start + 899 * 7);
+            CHECK(windows.span()->last == start + int64_t{899} * 7);
         }
         const TemporaryFolder folder;
         const auto span = [&](const std::string& text) {
