@@ -1,7 +1,8 @@
 """What all peers are given: random weights of the published size, one exposure, the frames that must come out.
 
-A case is a folder, made once for its settings and this source code: weights.safetensors, blurry.png and events.txt for ecir; the network's inputs, and the frames in
-float64, as raw float32 arrays whose shapes stand in case.json; FORM-whole.onnx, and FORM-STAGE.onnx of each stage.
+A case is a folder, made once for its settings and this source code: weights.safetensors, blurry.png and events.txt
+for ecir; the network's inputs, and the frames in float64, as raw float32 arrays whose shapes stand in case.json;
+FORM-whole.onnx, and FORM-STAGE.onnx of each stage.
 """
 import glob
 import hashlib

@@ -12,7 +12,8 @@ def spread(values):
 def row(turns):
     """Figures of a peer from its turns: ms of a frame and of its stages."""
     stages = {name: statistics.median(turn["stages"][name] for turn in turns) for name in turns[0]["stages"]}
-    return {"ms": spread([turn["ms"] for turn in turns]), "stages": stages, "rounds": [turn["ms"] for turn in turns]}
+    return {"ms": spread([turn["ms"] for turn in turns]), "stages": stages, "rounds": [turn["ms"] for turn in turns],
+            "others": statistics.median(turn["others"] for turn in turns)}
 
 
 def ratio(rows, name, other):
@@ -37,19 +38,19 @@ def table(header, lines):
 def text(result):
     """What bench_peers prints."""
     host, rows, references = result["host"], result["peers"], result["references"]
-    lines = [f"{host['cpu']}, {host['threads']} threads on cores {', '.join(map(str, host['cores']))}; others used "
-             f"{100 * host['others']:.0f} % of them meanwhile",
-             f"{result['size']}, {result['frames']} frames, {result['iterations']} iterations, {result['rounds']} rounds; "
-             f"published network: {result['parameters'] / 1e6:.2f} M parameters, variant {result['variant']}, random "
-             f"weights; float32",
+    lines = [f"{host['cpu']}, {host['threads']} threads on cores {', '.join(map(str, host['cores']))}",
+             f"{result['size']}, {result['frames']} frames, {result['iterations']} iterations, "
+             f"{result['rounds']} rounds; {result['precision']}",
+             f"published network: {result['parameters'] / 1e6:.2f} M parameters, variant {result['variant']}, "
+             f"random weights",
              "ecir: events and image to frames; the others: histograms and keypoints, already made, to frames", ""]
     body = []
     for name, each in rows.items():
         ms, error = each["ms"], each["error"]
         body.append([name, f"{ms['median']:.0f}", f"{ms['low']:.0f}-{ms['high']:.0f}"]
                     + [f"{each['stages'][stage]:.0f}" if stage in each["stages"] else "" for stage in networks.STAGES]
-                    + [f"{error:.1e}" if error is not None else ""])
-    lines.append(table(["ms a frame", "median", "range", "U-Net", "curve", "refine", "error"], body))
+                    + [f"{error:.1e}" if error is not None else "", f"{100 * each['others']:.0f} %"])
+    lines.append(table(["ms a frame", "median", "range", "U-Net", "curve", "refine", "error", "others"], body))
     there = [name for name in references if name in rows]
     body = []
     for name, over in result["ratios"].items():
