@@ -71,6 +71,9 @@ std::vector<double> even_times(uint32_t count);
 /// Error(bad_input) naming the places looked at and the models that there are.
 std::filesystem::path find_model(const std::string& name);
 
+/// `edi` and the shipped models that find_model() finds, by name.
+std::vector<std::string> model_names();
+
 /// Colour from a deblurred luminance: c + e = (b_c + e) (l + e) / (b_y + e), e = 0.01, for each
 /// pixel and channel. blurry: pixels x channels; luminance_blurry, luminance: one value a pixel.
 std::vector<float> recolour(std::span<const float> blurry, std::span<const float> luminance_blurry,

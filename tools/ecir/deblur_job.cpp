@@ -140,6 +140,10 @@ public:
             console_.note("no GPU found, using the CPU driver " + device_->info().name +
                           " (ecir devices lists all)");
         }
+        device_->on_compiling([this] {
+            console_.note("compiling kernels for " + device_->info().name +
+                          ", which is done only once");
+        });
         for (size_t i = 0; i < recording_.items.size(); ++i) {
             console_.progress(i);
             exposure(recording_.items[i], file, output);
