@@ -233,6 +233,10 @@ const Kernel& Device::kernel(std::string_view shader, std::span<const uint32_t> 
     return kernel;
 }
 
+void Device::on_compiling(std::function<void()> tell) {
+    kernels_->on_compiling(std::move(tell));
+}
+
 uint32_t Device::memory_type(uint32_t types, VkMemoryPropertyFlags wanted,
                              VkMemoryPropertyFlags liked) const {
     for (const VkMemoryPropertyFlags flags : {wanted | liked, wanted}) {

@@ -84,6 +84,10 @@ public:
             console_.note("no GPU found, using the CPU driver " + device_->info().name +
                           " (ecir devices lists all)");
         }
+        device_->on_compiling([this] {
+            console_.note("compiling kernels for " + device_->info().name +
+                          ", which is done only once");
+        });
         std::exception_ptr unwritten;
         std::exception_ptr uncomputed;
         std::jthread reading([&] { read_all(reader); });
