@@ -65,6 +65,15 @@ std::unique_ptr<Method> make_method(std::shared_ptr<Device> device, const Deblur
                                              ", a fusion network, has no keypoints; leave "
                                              "--keypoints out");
         }
+        if (options.refine.value_or(1) > 1) {
+            throw Error(ExitCode::usage,
+                        "model " + options.model +
+                            ", a fusion network, corrects its prior once; "
+                            "--refine " +
+                            std::to_string(*options.refine) +
+                            " is for ecir models; give 1, or 0 for the prior alone, or leave "
+                            "--refine out");
+        }
         return std::make_unique<FusionMethod>(std::move(device), weights, height, width,
                                               options.thresholds, options.refine.value_or(1) > 0);
     }
@@ -103,6 +112,12 @@ Deblur::Deblur(Deblur&&) noexcept = default;
 
 std::vector<float> Deblur::frames(std::span<const float> blurry, const EventView& events,
                                   const Exposure& exposure, std::span<const double> times) {
+    begin(blurry, events, exposure, times);
+    return finish();
+}
+
+void Deblur::begin(std::span<const float> blurry, const EventView& events, const Exposure& exposure,
+                   std::span<const double> times) {
     const size_t pixels = size_t{width_} * height_;
     if (blurry.size() != pixels) {
         throw Error(ExitCode::bad_input, "the blurry frame has " + std::to_string(blurry.size()) +
@@ -116,40 +131,56 @@ std::vector<float> Deblur::frames(std::span<const float> blurry, const EventView
                                              " is outside the exposure, which is -1 to 1");
         }
     }
+    Begun begun;
     if (times.empty()) {
-        return {};
+        begun_.push_back(std::move(begun));
+        return;
     }
     check_values(blurry, width_);
-    ignored_pixels_ = 0;
-    std::vector<float> result;
     const EventView seen = window(events, exposure);
     if (seen.size() == 0) {
-        result.resize(times.size() * pixels);
+        begun.still.reserve(times.size() * pixels);
         for (size_t i = 0; i < times.size(); ++i) {
-            std::ranges::copy(blurry, result.begin() + static_cast<std::ptrdiff_t>(i * pixels));
+            begun.still.insert(begun.still.end(), blurry.begin(), blurry.end());
         }
-        return result;
+        begun_.push_back(std::move(begun));
+        return;
     }
-    std::vector<size_t> order(times.size());
-    std::iota(order.begin(), order.end(), size_t{0});
-    std::ranges::stable_sort(order, {}, [&](size_t i) { return times[i]; });
+    begun.order.resize(times.size());
+    std::iota(begun.order.begin(), begun.order.end(), size_t{0});
+    std::ranges::stable_sort(begun.order, {}, [&](size_t i) { return times[i]; });
     std::vector<double> ascending;
     ascending.reserve(times.size());
-    for (const size_t i : order) {
+    for (const size_t i : begun.order) {
         ascending.push_back(times[i]);
     }
-    const auto frames = method_->frames({blurry, seen, exposure, ascending});
-    ignored_pixels_ = method_->ignored_pixels();
-    result.resize(times.size() * pixels); // only now, when the device has found room for them
-    for (size_t i = 0; i < order.size(); ++i) {
+    begun_.reserve(begun_.size() + 1); // nothing may fail once the method has begun
+    const FrameFacts facts = method_->begin({blurry, seen, exposure, ascending});
+    begun.thresholds = facts.thresholds;
+    begun.ignored_pixels = facts.ignored_pixels;
+    begun_.push_back(std::move(begun));
+}
+
+std::vector<float> Deblur::finish() {
+    Begun begun = std::move(begun_.at(0));
+    begun_.erase(begun_.begin());
+    thresholds_ = begun.thresholds;
+    ignored_pixels_ = begun.ignored_pixels;
+    if (begun.order.empty()) {
+        return std::move(begun.still);
+    }
+    const size_t pixels = size_t{width_} * height_;
+    const auto frames = method_->finish();
+    std::vector<float> result(begun.order.size() * pixels);
+    for (size_t i = 0; i < begun.order.size(); ++i) {
         std::ranges::copy(frames.subspan(i * pixels, pixels),
-                          result.begin() + static_cast<std::ptrdiff_t>(order[i] * pixels));
+                          result.begin() + static_cast<std::ptrdiff_t>(begun.order[i] * pixels));
     }
     return result;
 }
 
-std::optional<EdiThresholds> Deblur::thresholds() const {
-    return method_->thresholds();
+double Deblur::operations() const {
+    return method_->operations();
 }
 
 std::vector<double> even_times(uint32_t count) {

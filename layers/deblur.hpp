@@ -18,7 +18,7 @@ struct DeblurOptions {
     /// A shipped model's name, the path of a .safetensors file, or `edi`.
     std::string model = "fusion";
     /// Iterations of the refinement; 0 for the initialisation alone (the curve of E-CIR, the prior
-    /// of a fusion network, which otherwise refines once whatever is asked). Unset: as trained.
+    /// of a fusion network, which takes 0 and 1 only). Unset: as trained.
     std::optional<uint32_t> refine;
     /// Keypoints of the curve; must be what the model was trained for.
     std::optional<uint32_t> keypoints;
@@ -49,17 +49,41 @@ public:
     std::vector<float> frames(std::span<const float> blurry, const EventView& events,
                               const Exposure& exposure, std::span<const double> times);
 
-    /// What `edi` or a fusion network used for the last frame.
-    [[nodiscard]] std::optional<EdiThresholds> thresholds() const;
+    /// frames() in two halves, for recordings: begin() starts on a frame, of whose input nothing is
+    /// needed afterwards; finish() waits for the oldest frame begun. With one frame begun and the
+    /// next one begun before the first is finished, the host prepares and reads back while the
+    /// device works; more at a time gain nothing. Where begin() throws nothing was begun. frames()
+    /// is for when nothing is.
+    void begin(std::span<const float> blurry, const EventView& events, const Exposure& exposure,
+               std::span<const double> times);
+    std::vector<float> finish();
 
-    /// Pixels of the last frame with more events than a fusion network takes (prior_busy_events),
-    /// to which they were pixels without events. 0 for the other models.
+    /// What `edi` or a fusion network used for the frame finished last; none for one without
+    /// events.
+    [[nodiscard]] std::optional<EdiThresholds> thresholds() const { return thresholds_; }
+
+    /// Pixels of the frame finished last with more events than a fusion network takes
+    /// (prior_busy_events), to which they were pixels without events. 0 for the other models.
     [[nodiscard]] size_t ignored_pixels() const { return ignored_pixels_; }
 
+    /// Floating-point operations of the kernels for one frame, of as many times as the last; 0
+    /// before the first one with events.
+    [[nodiscard]] double operations() const;
+
 private:
+    /// A frame begun and not finished.
+    struct Begun {
+        std::vector<size_t> order; ///< of the times, ascending
+        std::optional<EdiThresholds> thresholds;
+        size_t ignored_pixels = 0;
+        std::vector<float> still; ///< the result, where there were no events
+    };
+
     std::unique_ptr<Method> method_;
     uint32_t width_;
     uint32_t height_;
+    std::vector<Begun> begun_; ///< the oldest first
+    std::optional<EdiThresholds> thresholds_;
     size_t ignored_pixels_ = 0;
 };
 
@@ -70,6 +94,9 @@ std::vector<double> even_times(uint32_t count);
 /// of that name in the installation this program belongs to, or in the build tree. Throws
 /// Error(bad_input) naming the places looked at and the models that there are.
 std::filesystem::path find_model(const std::string& name);
+
+/// `edi` and the shipped models that find_model() finds, by name.
+std::vector<std::string> model_names();
 
 /// Colour from a deblurred luminance: c + e = (b_c + e) (l + e) / (b_y + e), e = 0.01, for each
 /// pixel and channel. blurry: pixels x channels; luminance_blurry, luminance: one value a pixel.

@@ -99,7 +99,7 @@ std::vector<IntervalRange> EcirMethod::intervals(const FrameInput& input,
                            : paper_intervals(input.events, input.exposure, edges);
 }
 
-std::span<const float> EcirMethod::frames(const FrameInput& input) {
+FrameFacts EcirMethod::begin(const FrameInput& input) {
     const auto count = static_cast<uint32_t>(input.times.size());
     Program& program =
         program_.prepare(*device_, count, input.events.size(),
@@ -119,8 +119,8 @@ std::span<const float> EcirMethod::frames(const FrameInput& input) {
     program.write(input_intervals_, flat(intervals(input, edges)));
     program.write(frame_intervals_, flat(intervals(input, input.times)));
     program.write(matrix_, curve_matrix(config_.keypoints, input.times));
-    program.run();
-    return program.read(output_);
+    program_.submit(output_);
+    return {};
 }
 
 } // namespace ecir

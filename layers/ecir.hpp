@@ -29,7 +29,9 @@ public:
     EcirMethod(std::shared_ptr<Device> device, const SafeTensors& weights, uint32_t height,
                uint32_t width, std::optional<uint32_t> refine);
 
-    std::span<const float> frames(const FrameInput& input) override;
+    FrameFacts begin(const FrameInput& input) override;
+    std::span<const float> finish() override { return program_.finish(); }
+    [[nodiscard]] double operations() const override { return program_.operations(); }
 
     [[nodiscard]] const EcirConfig& config() const { return config_; }
     /// Time of each dispatch of a run with the last input.

@@ -18,7 +18,7 @@ void EdiMethod::record(Program& program, uint32_t frames, uint32_t capacity) {
                schedule_, busy_, output_);
 }
 
-std::span<const float> EdiMethod::frames(const FrameInput& input) {
+FrameFacts EdiMethod::begin(const FrameInput& input) {
     const auto count = static_cast<uint32_t>(input.times.size());
     Program& program =
         program_.prepare(*device_, count, input.events.size(),
@@ -30,8 +30,8 @@ std::span<const float> EdiMethod::frames(const FrameInput& input) {
     program.write(thresholds_, std::as_bytes(std::span(&thresholds, 1)));
     program.write(schedule_, edi_schedule(input.times));
     program.write(busy_, edi_busy_pixels(packed));
-    program.run();
-    return program.read(output_);
+    program_.submit(output_);
+    return {thresholds, 0};
 }
 
 } // namespace ecir

@@ -13,11 +13,9 @@ public:
     EdiMethod(std::shared_ptr<Device> device, uint32_t height, uint32_t width,
               std::optional<EdiThresholds> thresholds);
 
-    std::span<const float> frames(const FrameInput& input) override;
-
-    [[nodiscard]] std::optional<EdiThresholds> thresholds() const override {
-        return source_.used();
-    }
+    FrameFacts begin(const FrameInput& input) override;
+    std::span<const float> finish() override { return program_.finish(); }
+    [[nodiscard]] double operations() const override { return program_.operations(); }
 
 private:
     void record(Program& program, uint32_t frames, uint32_t capacity);

@@ -128,21 +128,28 @@ void EslNetMethod::record(Program& program, uint32_t capacity) {
     network_.record(program, blurry_, histogram, output_);
 }
 
-std::span<const float> EslNetMethod::frames(const FrameInput& input) {
+FrameFacts EslNetMethod::begin(const FrameInput& input) {
     Program& program =
         program_.prepare(*device_, 1, input.events.size(),
                          [&](Program& made, uint32_t capacity) { record(made, capacity); });
     events_.write(program, pack_events(input.events, input.exposure, width_, height_));
     program.write(blurry_, input.blurry);
-    frames_.clear();
+    std::vector<float> frames;
     for (const double time : input.times) {
         const auto ranges = outward_intervals(input.events, input.exposure, time, EslNet::bins);
         program.write(intervals_, std::as_bytes(std::span(ranges)));
         program.run();
         const auto frame = program.read(output_);
-        frames_.insert(frames_.end(), frame.begin(), frame.end());
+        frames.insert(frames.end(), frame.begin(), frame.end());
     }
-    return frames_;
+    made_.push_back(std::move(frames));
+    return {};
+}
+
+std::span<const float> EslNetMethod::finish() {
+    finished_ = std::move(made_.at(0));
+    made_.erase(made_.begin());
+    return finished_;
 }
 
 } // namespace ecir

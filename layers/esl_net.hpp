@@ -48,7 +48,10 @@ public:
     EslNetMethod(std::shared_ptr<Device> device, const SafeTensors& weights, uint32_t height,
                  uint32_t width);
 
-    std::span<const float> frames(const FrameInput& input) override;
+    /// Does all the work, so that frames do not overlap; each takes the device long.
+    FrameFacts begin(const FrameInput& input) override;
+    std::span<const float> finish() override;
+    [[nodiscard]] double operations() const override { return program_.operations(); }
 
     /// Time of each dispatch of a run for the last frame.
     [[nodiscard]] std::vector<DispatchTime> profile() const { return program_.profile(); }
@@ -66,7 +69,8 @@ private:
     Tensor blurry_;
     Tensor intervals_;
     Tensor output_;
-    std::vector<float> frames_;
+    std::vector<std::vector<float>> made_; ///< the oldest first
+    std::vector<float> finished_;
 };
 
 } // namespace ecir

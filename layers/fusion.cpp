@@ -302,21 +302,20 @@ void FusionMethod::record_prior_frames(Program& program, const PriorInput& input
     }
 }
 
-std::span<const float> FusionMethod::frames(const FrameInput& input) {
+FrameFacts FusionMethod::begin(const FrameInput& input) {
     const auto count = static_cast<uint32_t>(input.times.size());
     Program& program =
         program_.prepare(*device_, count, input.events.size(),
                          [&](Program& made, uint32_t capacity) { record(made, count, capacity); });
     const PackedEvents packed = pack_events(input.events, input.exposure, width_, height_);
-    ignored_pixels_ = prior_busy_pixels(packed);
     const EdiThresholds thresholds = thresholds_.choose(packed, input.blurry);
     events_.write(program, packed);
     program.write(blurry_, input.blurry);
     program.write(threshold_input_, std::as_bytes(std::span(&thresholds, 1)));
     const auto instants = make_instants(input.times);
     program.write(instants_, std::as_bytes(std::span(instants)));
-    program.run();
-    return program.read(output_);
+    program_.submit(output_);
+    return {thresholds, prior_busy_pixels(packed)};
 }
 
 } // namespace ecir

@@ -72,12 +72,10 @@ public:
     FusionMethod(std::shared_ptr<Device> device, const SafeTensors& weights, uint32_t height,
                  uint32_t width, std::optional<EdiThresholds> thresholds, bool correct = true);
 
-    std::span<const float> frames(const FrameInput& input) override;
+    FrameFacts begin(const FrameInput& input) override;
+    std::span<const float> finish() override { return program_.finish(); }
+    [[nodiscard]] double operations() const override { return program_.operations(); }
 
-    [[nodiscard]] std::optional<EdiThresholds> thresholds() const override {
-        return thresholds_.used();
-    }
-    [[nodiscard]] size_t ignored_pixels() const override { return ignored_pixels_; }
     /// Time of each dispatch of a run with the last input.
     [[nodiscard]] std::vector<DispatchTime> profile() const { return program_.profile(); }
 
@@ -99,7 +97,6 @@ private:
     EdiThresholdSource thresholds_;
     bool correct_;
 
-    size_t ignored_pixels_ = 0;
     MethodProgram program_;
     EventTensors events_;
     Tensor blurry_;

@@ -1,4 +1,5 @@
 #pragma once
+#include <algorithm>
 #include <bit>
 #include <memory>
 #include <optional>
@@ -20,7 +21,16 @@ struct FrameInput {
     std::span<const double> times; ///< wanted, normalised, ascending
 };
 
-/// A way from a blurry frame and its events to sharp frames, for one image size on one device.
+/// What a method tells of a frame beside the sharp ones.
+struct FrameFacts {
+    /// The contrast thresholds used, where the method has such.
+    std::optional<EdiThresholds> thresholds;
+    /// Pixels with so many events that the method took them as without.
+    size_t ignored_pixels = 0;
+};
+
+/// A way from a blurry frame and its events to sharp frames, for one image size on one device. In
+/// two halves, so that the host can prepare a frame while the device works on the one before.
 class Method {
 public:
     Method() = default;
@@ -28,14 +38,22 @@ public:
     Method(const Method&) = delete;
     Method& operator=(const Method&) = delete;
 
-    /// times x height x width, in the order of the times; valid until the next call. Not clipped.
-    virtual std::span<const float> frames(const FrameInput& input) = 0;
+    /// Starts on a frame; nothing of the input is needed afterwards. Where it throws nothing was
+    /// started.
+    virtual FrameFacts begin(const FrameInput& input) = 0;
 
-    /// The contrast thresholds used for the last frame, where the method has such.
-    [[nodiscard]] virtual std::optional<EdiThresholds> thresholds() const { return std::nullopt; }
+    /// Of the oldest frame begun and not finished: times x height x width, in the order of the
+    /// times; valid until the next call. Not clipped.
+    virtual std::span<const float> finish() = 0;
 
-    /// Pixels of the last frame with so many events that the method took them as without.
-    [[nodiscard]] virtual size_t ignored_pixels() const { return 0; }
+    /// Floating-point operations of the program that makes the frames; 0 before the first.
+    [[nodiscard]] virtual double operations() const = 0;
+
+    /// Both halves, with nothing begun before.
+    std::span<const float> frames(const FrameInput& input) {
+        begin(input);
+        return finish();
+    }
 };
 
 /// Inputs of a program that hold PackedEvents, for up to `capacity` of them.
@@ -68,14 +86,17 @@ struct EventTensors {
 };
 
 /// A method's program, recorded anew when the number of frames changes or more events come than it
-/// has room for.
+/// has room for. Two runs of it can be under way.
 class MethodProgram {
 public:
-    /// Calls record(program, capacity), which makes the tensors and adds the steps, where a new
-    /// program is needed. Whatever that or finish() throws, the next call records again.
+    /// A program whose inputs can be written. Calls record(program, capacity), which makes the
+    /// tensors and adds the steps, where a new program is needed. Whatever that or its finish()
+    /// throws, the next call records again.
     template <typename Record>
     Program& prepare(Device& device, size_t frames, size_t events, const Record& record) {
         if (!program_ || frames != frames_ || events > capacity_) {
+            while (set_aside_oldest()) {
+            }
             program_.reset(); // what it holds must be free before the next one asks for as much
             frames_ = frames;
             capacity_ = EventTensors::capacity_for(events);
@@ -84,8 +105,32 @@ public:
             made->finish();
             program_ = std::move(made);
         }
+        while (!program_->reserve()) {
+            set_aside_oldest();
+        }
         return *program_;
     }
+
+    /// Starts the program, to read `output` in the end.
+    void submit(const Tensor& output) {
+        begun_.reserve(begun_.size() + 1);
+        program_->submit();
+        begun_.push_back({output, std::nullopt});
+    }
+
+    /// The output of the oldest run submitted and not finished; valid until the next call.
+    std::span<const float> finish() {
+        Begun oldest = std::move(begun_.at(0));
+        begun_.erase(begun_.begin());
+        if (oldest.aside) {
+            aside_ = std::move(*oldest.aside);
+            return aside_;
+        }
+        program_->wait();
+        return program_->read(oldest.output);
+    }
+
+    [[nodiscard]] double operations() const { return program_ ? program_->flops() : 0; }
 
     /// Time of each dispatch of a run with the last input. Throws Error(device) before the first
     /// one, and where the device has no timestamps.
@@ -97,7 +142,27 @@ public:
     }
 
 private:
+    struct Begun {
+        Tensor output;
+        std::optional<std::vector<float>> aside; ///< what came of it, no longer in the program
+    };
+
+    /// Makes room in the program; false where nothing of it is under way.
+    bool set_aside_oldest() {
+        const auto oldest =
+            std::ranges::find_if(begun_, [](const Begun& begun) { return !begun.aside; });
+        if (oldest == begun_.end()) {
+            return false;
+        }
+        program_->wait();
+        const auto values = program_->read(oldest->output);
+        oldest->aside.emplace(values.begin(), values.end());
+        return true;
+    }
+
     std::unique_ptr<Program> program_;
+    std::vector<Begun> begun_; ///< the oldest first
+    std::vector<float> aside_;
     size_t frames_ = 0;
     uint32_t capacity_ = 0; ///< events
 };

@@ -10,6 +10,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
+constexpr const char* kExtension = ".safetensors";
+
 std::vector<fs::path> weight_folders() {
     std::vector<fs::path> folders;
     std::error_code error;
@@ -24,13 +26,27 @@ std::vector<fs::path> weight_folders() {
 
 } // namespace
 
+std::vector<std::string> model_names() {
+    std::vector<std::string> names;
+    for (const fs::path& folder : weight_folders()) {
+        std::error_code error;
+        for (const auto& entry : fs::directory_iterator(folder, error)) {
+            if (entry.path().extension() == kExtension) {
+                names.push_back(entry.path().stem().string());
+            }
+        }
+    }
+    std::ranges::sort(names);
+    names.erase(std::unique(names.begin(), names.end()), names.end());
+    names.insert(names.begin(), "edi");
+    return names;
+}
+
 fs::path find_model(const std::string& name) {
-    constexpr const char* kExtension = ".safetensors";
     if (fs::path(name).extension() == kExtension) {
         return name;
     }
     std::string places;
-    std::vector<std::string> known;
     for (const fs::path& folder : weight_folders()) {
         const fs::path file = folder / (name + kExtension);
         std::error_code error;
@@ -38,20 +54,14 @@ fs::path find_model(const std::string& name) {
             return file;
         }
         places += (places.empty() ? " " : ", ") + folder.string();
-        for (const auto& entry : fs::directory_iterator(folder, error)) {
-            if (entry.path().extension() == kExtension) {
-                known.push_back(entry.path().stem().string());
-            }
-        }
     }
-    std::ranges::sort(known);
-    known.erase(std::unique(known.begin(), known.end()), known.end());
-    std::string message = "no model '" + name + "'; there are: edi";
-    for (const std::string& other : known) {
-        message += ", " + other;
+    std::string known;
+    for (const std::string& other : model_names()) {
+        known += (known.empty() ? "" : ", ") + other;
     }
-    throw Error(ExitCode::bad_input,
-                message + " (or give the path of a .safetensors file); looked in" + places);
+    throw Error(ExitCode::bad_input, "no model '" + name + "'; there are: " + known +
+                                         " (or give the path of a .safetensors file); looked in" +
+                                         places);
 }
 
 } // namespace ecir

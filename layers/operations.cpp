@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 
+#include "layers/conv.hpp"
 #include "layers/reference/conv.hpp"
 #include "layers/reference/curve.hpp"
 #include "layers/reference/edi.hpp"
@@ -21,27 +22,27 @@ namespace ecir {
 namespace {
 
 constexpr std::array kOperations = {
-    Operation{"conv", 1e-5, "float32 sums of up to 2000 products", 17, conv_trial},
-    Operation{"conv_tile", 1e-5, "float32 sums of up to 2000 products", 17, conv_tile_trial},
+    Operation{"conv", 1e-5, "float32 sums of up to 2000 products", 17, conv_trial, 27},
+    Operation{"conv_tile", 1e-5, "float32 sums of up to 2000 products", 17, conv_tile_trial, 3},
     Operation{"conv_plane", 1e-5, "float32 sums of up to 400 products", 4, conv_plane_trial},
-    Operation{"conv_pair", 1e-5, "float32 sums of up to 700 products", 8, conv_pair_trial},
-    Operation{"event_histogram", 0, "counts are whole numbers", 10, event_histogram_trial},
-    Operation{"keypoints", 0, "compared as integers", 12, keypoints_trial},
-    Operation{"curve", 1e-5, "float32 products of up to 20 differences", 12, curve_trial},
-    Operation{"refine_state", 1e-6, "one float32 difference", 8, refine_state_trial},
-    Operation{"refine_update", 1e-5, "float32 sums of 9 products", 8, refine_update_trial},
+    Operation{"conv_pair", 1e-5, "float32 sums of up to 700 products", 8, conv_pair_trial, 3},
+    Operation{"event_histogram", 0, "counts are whole numbers", 10, event_histogram_trial, 2},
+    Operation{"keypoints", 0, "compared as integers", 12, keypoints_trial, 1},
+    Operation{"curve", 1e-5, "float32 products of up to 20 differences", 12, curve_trial, 1},
+    Operation{"refine_state", 1e-6, "one float32 difference", 8, refine_state_trial, 1},
+    Operation{"refine_update", 1e-5, "float32 sums of 9 products", 8, refine_update_trial, 1},
     Operation{"elementwise", 1e-6, "one float32 operation, or an exponential", 10,
-              elementwise_trial},
-    Operation{"edi", 1e-5, "float32 sums of exponentials, one an event", 10, edi_trial},
-    Operation{"edi_moments", 1e-4, "float32 differences of logarithms", 4, edi_moments_trial},
-    Operation{"prior", 1e-5, "float32 sums of exponentials, one an event", 40, prior_trial},
-    Operation{"prior_frame", 1e-5, "float32 exponentials", 10, prior_frame_trial},
-    Operation{"motion", 1e-5, "float32 differences of logarithms", 9, motion_trial},
+              elementwise_trial, 2},
+    Operation{"edi", 1e-5, "float32 sums of exponentials, one an event", 10, edi_trial, 1},
+    Operation{"edi_moments", 1e-4, "float32 differences of logarithms", 4, edi_moments_trial, 1},
+    Operation{"prior", 1e-5, "float32 sums of exponentials, one an event", 40, prior_trial, 1},
+    Operation{"prior_frame", 1e-5, "float32 exponentials", 10, prior_frame_trial, 1},
+    Operation{"motion", 1e-5, "float32 differences of logarithms", 9, motion_trial, 1},
     Operation{"motion_oblique", 1e-4, "along stripes the moments' rounding over the ridge", 2,
               motion_oblique_trial},
-    Operation{"trajectory", 1e-5, "8 float32 steps", 9, trajectory_trial},
-    Operation{"fusion_fetch", 1e-5, "float32 positions", 9, fusion_fetch_trial},
-    Operation{"fusion_mix", 1e-6, "float32 sums of 4 products", 6, fusion_mix_trial},
+    Operation{"trajectory", 1e-5, "8 float32 steps", 9, trajectory_trial, 1},
+    Operation{"fusion_fetch", 1e-5, "float32 positions", 9, fusion_fetch_trial, 1},
+    Operation{"fusion_mix", 1e-6, "float32 sums of 4 products", 6, fusion_mix_trial, 1},
 };
 
 } // namespace
@@ -51,7 +52,10 @@ std::span<const Operation> operations() {
 }
 
 TrialResult run_trial(const Operation& operation, Device& device, uint32_t index) {
-    const Trial trial = operation.make(device, index);
+    return run_trial(operation, operation.make(device, index));
+}
+
+TrialResult run_trial(const Operation& operation, const Trial& trial) {
     trial.program->run();
     const auto memory = trial.program->read(trial.output);
     const Layout& layout = trial.output.layout();
@@ -98,6 +102,10 @@ std::vector<float> from_dense(const Layout& layout, std::span<const float> dense
         }
     }
     return memory;
+}
+
+uint32_t case_block(const Device& device, uint32_t block) {
+    return block != 0 ? block : channel_block(device.info());
 }
 
 } // namespace ecir

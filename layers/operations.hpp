@@ -10,13 +10,14 @@
 
 namespace ecir {
 
-/// One random case of an operation: the finished program with its inputs written, and what it
-/// should compute.
+/// One case of an operation: the finished program with its inputs written, and what it should
+/// compute.
 struct Trial {
     std::string shape; ///< for people, for example "3x3 s1 9->32 33x17"
     std::unique_ptr<Program> program;
     Tensor output;
     std::vector<double> reference; ///< dense channels x height x width of `output`
+    size_t first_step = 0; ///< of the operation in the program; those before it prepare its input
 };
 
 /// A row of the table that drives the tests, `ecir verify` and `ecir bench`.
@@ -25,8 +26,11 @@ struct Operation {
     /// Largest |output - reference| allowed, relative to the largest |reference|; 0 for exact.
     double tolerance;
     std::string_view reason; ///< why that tolerance
-    uint32_t trials;         ///< how many cases there are
+    uint32_t trials;         ///< how many small cases there are, for tests and `verify`
     Trial (*make)(Device& device, uint32_t trial);
+    /// How many cases follow them that have the shapes of the networks at 240x180 with 14 frames,
+    /// for `bench`: trial `trials`, `trials` + 1, ...
+    uint32_t network_trials = 0;
 };
 
 /// All operations. Adding one adds a line here.
@@ -40,12 +44,17 @@ struct TrialResult {
 };
 
 /// Runs one case and compares.
+TrialResult run_trial(const Operation& operation, const Trial& trial);
+/// Makes it first.
 TrialResult run_trial(const Operation& operation, Device& device, uint32_t trial);
 
 /// Elements of a tensor's memory as dense channels x height x width, and back (halo and padding
 /// zero).
 std::vector<float> to_dense(const Layout& layout, std::span<const float> memory);
 std::vector<float> from_dense(const Layout& layout, std::span<const float> dense);
+
+/// The channel block of a case: `block`, or what convolutions use on the device where that is 0.
+uint32_t case_block(const Device& device, uint32_t block);
 
 /// Small deterministic generator for the cases: the same numbers on every platform.
 class CaseRandom {

@@ -208,11 +208,7 @@ Device::Device(std::shared_ptr<Instance> instance, VkPhysicalDevice physical, De
     vk_check(vkCreateDevice(physical_, &create, nullptr, &device_), "vkCreateDevice");
     vkGetDeviceQueue(device_, queue_family_, 0, &queue_);
 
-    VkFenceCreateInfo fence_info{};
-    fence_info.sType = VK_STRUCTURE_TYPE_FENCE_CREATE_INFO;
-    VkFence fence = VK_NULL_HANDLE;
-    vk_check(vkCreateFence(device_, &fence_info, nullptr, &fence), "vkCreateFence");
-    fence_ = Handle<VkFence>(fence, device_, vkDestroyFence);
+    fence_ = make_fence();
     kernels_ = std::make_unique<KernelCache>(*this);
 }
 
@@ -237,6 +233,10 @@ const Kernel& Device::kernel(std::string_view shader, std::span<const uint32_t> 
     return kernel;
 }
 
+void Device::on_compiling(std::function<void()> tell) {
+    kernels_->on_compiling(std::move(tell));
+}
+
 uint32_t Device::memory_type(uint32_t types, VkMemoryPropertyFlags wanted,
                              VkMemoryPropertyFlags liked) const {
     for (const VkMemoryPropertyFlags flags : {wanted | liked, wanted}) {
@@ -250,17 +250,31 @@ uint32_t Device::memory_type(uint32_t types, VkMemoryPropertyFlags wanted,
     throw Error(ExitCode::device, info_.name + " has no memory of the kind that is needed");
 }
 
+Handle<VkFence> Device::make_fence() const {
+    VkFenceCreateInfo info{};
+    info.sType = VK_STRUCTURE_TYPE_FENCE_CREATE_INFO;
+    VkFence fence = VK_NULL_HANDLE;
+    vk_check(vkCreateFence(device_, &info, nullptr, &fence), "vkCreateFence");
+    return {fence, device_, vkDestroyFence};
+}
+
 void Device::submit(std::span<const VkCommandBuffer> commands) {
+    start(commands, fence_.get());
+    wait(fence_.get());
+}
+
+void Device::start(std::span<const VkCommandBuffer> commands, VkFence fence) {
     for (size_t i = 0; i < commands.size(); ++i) {
         VkSubmitInfo info{};
         info.sType = VK_STRUCTURE_TYPE_SUBMIT_INFO;
         info.commandBufferCount = 1;
         info.pCommandBuffers = &commands[i];
         const bool last = i + 1 == commands.size();
-        vk_check(vkQueueSubmit(queue_, 1, &info, last ? fence_.get() : VK_NULL_HANDLE),
-                 "vkQueueSubmit");
+        vk_check(vkQueueSubmit(queue_, 1, &info, last ? fence : VK_NULL_HANDLE), "vkQueueSubmit");
     }
-    const VkFence fence = fence_.get();
+}
+
+void Device::wait(VkFence fence) {
     vk_check(vkWaitForFences(device_, 1, &fence, VK_TRUE, UINT64_MAX), "vkWaitForFences");
     vk_check(vkResetFences(device_, 1, &fence), "vkResetFences");
     check_validation();

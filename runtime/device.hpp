@@ -1,5 +1,6 @@
 #pragma once
 #include <array>
+#include <functional>
 #include <memory>
 #include <span>
 #include <string>
@@ -66,12 +67,22 @@ public:
     const Kernel& kernel(std::string_view shader, std::span<const uint32_t> constants,
                          uint32_t bindings, uint32_t push_bytes);
 
+    /// `tell` is called once, when so many kernels have been asked for that no earlier run made on
+    /// this device (by the cache folder's list of them) that compiling takes seconds on a CPU
+    /// driver. Never where there is no cache folder.
+    void on_compiling(std::function<void()> tell);
+
     /// Index of a memory type with all `wanted` flags among `types`, preferring `liked` ones too.
     [[nodiscard]] uint32_t memory_type(uint32_t types, VkMemoryPropertyFlags wanted,
                                        VkMemoryPropertyFlags liked) const;
 
     /// Runs command buffers in order, one submission each, and waits for the last.
     void submit(std::span<const VkCommandBuffer> commands);
+    /// The same without waiting: `fence`, which is not signalled yet, will be after the last.
+    void start(std::span<const VkCommandBuffer> commands, VkFence fence);
+    /// Waits for what start() gave this fence, which can then be used again.
+    void wait(VkFence fence);
+    [[nodiscard]] Handle<VkFence> make_fence() const;
 
 private:
     Device(std::shared_ptr<Instance> instance, VkPhysicalDevice physical, DeviceInfo info);

@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <fstream>
 #include <memory>
+#include <utility>
 
 #include "runtime/device.hpp"
 #include "runtime/error.hpp"
@@ -22,6 +23,9 @@ void spvc_check(spvc_result result, std::string_view name, const char* call) {
         bad_shader(name, std::string(call) + " failed");
     }
 }
+
+/// On lavapipe they take a second and more to compile.
+constexpr size_t kManyKernels = 8;
 
 std::string cache_file(const DeviceInfo& info) {
     namespace fs = std::filesystem;
@@ -169,7 +173,9 @@ Kernel::Kernel(Device& device, std::string_view name, std::span<const uint32_t> 
     pipeline_ = Handle<VkPipeline>(pipeline, vk, vkDestroyPipeline);
 }
 
-KernelCache::KernelCache(Device& device) : device_(device), file_(cache_file(device.info())) {
+KernelCache::KernelCache(Device& device)
+    : device_(device), file_(cache_file(device.info())),
+      known_(file_.empty() ? std::string() : file_ + ".list") {
     std::vector<char> data;
     if (std::ifstream in{file_, std::ios::binary}) {
         data.assign(std::istreambuf_iterator<char>(in), {});
@@ -187,6 +193,7 @@ KernelCache::KernelCache(Device& device) : device_(device), file_(cache_file(dev
 
 KernelCache::~KernelCache() {
     // The cache only saves time: whatever goes wrong here, the next run compiles again.
+    known_.save();
     size_t size = 0;
     if (file_.empty() ||
         vkGetPipelineCacheData(device_.handle(), cache_.get(), &size, nullptr) != VK_SUCCESS ||
@@ -197,16 +204,7 @@ KernelCache::~KernelCache() {
     if (vkGetPipelineCacheData(device_.handle(), cache_.get(), &size, data.data()) != VK_SUCCESS) {
         return;
     }
-    std::error_code ignored;
-    std::filesystem::create_directories(std::filesystem::path(file_).parent_path(), ignored);
-    const std::string partial = file_ + ".partial";
-    if (std::ofstream out{partial, std::ios::binary}) {
-        out.write(data.data(), static_cast<std::streamsize>(size));
-        out.close();
-        if (out) {
-            std::filesystem::rename(partial, file_, ignored);
-        }
-    }
+    write_cache(file_, std::span(data).first(size));
 }
 
 const Kernel& KernelCache::get(std::string_view name, std::span<const uint32_t> constants) {
@@ -215,6 +213,10 @@ const Kernel& KernelCache::get(std::string_view name, std::span<const uint32_t> 
     const auto found = kernels_.find(key);
     if (found != kernels_.end()) {
         return found->second;
+    }
+    known_.add(name, constants);
+    if (tell_ && known_.fresh() >= kManyKernels) {
+        std::exchange(tell_, nullptr)();
     }
     return kernels_.try_emplace(std::move(key), device_, name, constants, cache_.get())
         .first->second;

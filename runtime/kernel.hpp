@@ -1,12 +1,14 @@
 #pragma once
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <span>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "runtime/known_kernels.hpp"
 #include "runtime/vk.hpp"
 
 namespace ecir {
@@ -62,11 +64,16 @@ public:
 
     const Kernel& get(std::string_view name, std::span<const uint32_t> constants);
 
+    /// See Device::on_compiling().
+    void on_compiling(std::function<void()> tell) { tell_ = std::move(tell); }
+
 private:
     Device& device_;
     std::string file_;
     Handle<VkPipelineCache> cache_;
     size_t loaded_bytes_ = 0;
+    KnownKernels known_;
+    std::function<void()> tell_;
     std::map<std::pair<std::string, std::vector<uint32_t>>, Kernel> kernels_;
 };
 

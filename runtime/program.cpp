@@ -1,6 +1,7 @@
 #include "runtime/program.hpp"
 
 #include <algorithm>
+#include <numeric>
 
 #include "runtime/error.hpp"
 
@@ -82,19 +83,17 @@ void Program::clear(const Tensor& tensor) {
 
 void Program::plan() {
     std::vector<Lifetime> lifetimes;
-    uint64_t uploads = 0;
-    uint64_t readbacks = 0;
     const auto end = static_cast<uint32_t>(steps_.size());
     for (Slot& slot : slots_) {
         if (slot.kind == Kind::input) {
             slot.first = 0; // uploads happen before the first step
-            slot.staging_offset = uploads;
-            uploads += align(slot.bytes);
+            slot.staging_offset = upload_bytes_;
+            upload_bytes_ += align(slot.bytes);
         }
         if (slot.kind == Kind::output) {
             slot.last = end; // downloads happen after the last
-            slot.staging_offset = readbacks;
-            readbacks += align(slot.bytes);
+            slot.staging_offset = readback_bytes_;
+            readback_bytes_ += align(slot.bytes);
         }
         slot.first = std::min(slot.first, end);
         lifetimes.push_back({align(slot.bytes), slot.first, slot.last});
@@ -106,7 +105,7 @@ void Program::plan() {
     arena_bytes_ = planned.bytes + kArenaSlack;
 
     const DeviceInfo& info = device_.info();
-    const uint64_t wanted = arena_bytes_ + uploads + readbacks;
+    const uint64_t wanted = arena_bytes_ + upload_bytes_ + readback_bytes_;
     if (wanted > info.heap_bytes) {
         throw Error(ExitCode::resources,
                     "this needs " + mebibytes(wanted) + " of device memory, but " + info.name +
@@ -114,8 +113,6 @@ void Program::plan() {
                         "; use a smaller --size or fewer --frames, or another device (-g)");
     }
     arena_ = Buffer(device_, arena_bytes_, Buffer::Place::device);
-    upload_ = Buffer(device_, std::max<uint64_t>(uploads, 4), Buffer::Place::upload);
-    readback_ = Buffer(device_, std::max<uint64_t>(readbacks, 4), Buffer::Place::readback);
 }
 
 Program::Range Program::range(const Argument& argument) const {
@@ -146,7 +143,52 @@ std::vector<Program::Range> Program::ranges(const Step& step) const {
 void Program::finish() {
     plan();
     make_descriptors();
-    recording_ = record(VK_NULL_HANDLE);
+    staging_.push_back(make_staging());
+}
+
+Program::Staging Program::make_staging() {
+    Staging staging;
+    staging.upload = Buffer(device_, std::max<uint64_t>(upload_bytes_, 4), Buffer::Place::upload);
+    staging.readback =
+        Buffer(device_, std::max<uint64_t>(readback_bytes_, 4), Buffer::Place::readback);
+    staging.recording = record(staging, VK_NULL_HANDLE);
+    staging.fence = device_.make_fence();
+    return staging;
+}
+
+bool Program::reserve() {
+    const auto free = [&](size_t set) {
+        return std::ranges::find(running_, set) == running_.end();
+    };
+    if (free(written_)) {
+        return true;
+    }
+    for (size_t set = 0; set < staging_.size(); ++set) {
+        if (free(set)) {
+            written_ = set;
+            return true;
+        }
+    }
+    const uint64_t wanted =
+        arena_bytes_ + (staging_.size() + 1) * (upload_bytes_ + readback_bytes_);
+    if (staging_.size() == kMostStaging || wanted > device_.info().heap_bytes) {
+        return false;
+    }
+    try {
+        staging_.push_back(make_staging());
+    } catch (const Error& error) {
+        if (error.code() == ExitCode::resources) {
+            return false; // it works without
+        }
+        throw;
+    }
+    written_ = staging_.size() - 1;
+    return true;
+}
+
+double Program::flops() const {
+    return std::accumulate(steps_.begin(), steps_.end(), 0.0,
+                           [](double sum, const Step& step) { return sum + step.dispatch.flops; });
 }
 
 void Program::write(const Tensor& input, std::span<const std::byte> data) {
@@ -156,7 +198,10 @@ void Program::write(const Tensor& input, std::span<const std::byte> data) {
                                           " bytes written to a tensor of " +
                                           std::to_string(slot.bytes));
     }
-    std::ranges::copy(data, upload_.mapped() + slot.staging_offset);
+    if (!reserve()) {
+        throw Error(ExitCode::device, "program: written to before a run under way was waited for");
+    }
+    std::ranges::copy(data, staging_.at(written_).upload.mapped() + slot.staging_offset);
 }
 
 std::span<const float> Program::read(const Tensor& output) const {
@@ -164,7 +209,8 @@ std::span<const float> Program::read(const Tensor& output) const {
     if (slot.kind != Kind::output) {
         throw Error(ExitCode::device, "program: only outputs can be read");
     }
-    const auto* values = reinterpret_cast<const float*>(readback_.mapped() + slot.staging_offset);
+    const auto* values =
+        reinterpret_cast<const float*>(staging_.at(read_).readback.mapped() + slot.staging_offset);
     return {values, slot.bytes / 4};
 }
 

@@ -74,13 +74,20 @@ struct DispatchTime {
 /// Tensors live in one arena whose offsets are planned from lifetimes (the first and the last step
 /// that touches them); barriers stand only where a step touches bytes that an earlier one wrote, or
 /// writes bytes that an earlier one read; long work is split into several submissions.
+///
+/// Inputs and outputs go through staging memory. A second set of it, made when it is first needed,
+/// lets the host write the next run's inputs and read the last one's outputs while the device works
+/// on the one between; the arena is one for all, so the device takes the runs in turn.
 class Program {
 public:
     explicit Program(Device& device) : device_(device) {}
+    /// Waits for runs that nobody has waited for.
+    ~Program();
     Program(const Program&) = delete;
     Program& operator=(const Program&) = delete;
 
-    /// A tensor that the host writes before a run, whose content stays for the runs after it.
+    /// A tensor that the host writes before a run. Its content stays for the runs after it as long
+    /// as each run is waited for before the next one is written.
     Tensor input(const Layout& layout);
     /// A tensor that the host reads after a run.
     Tensor output(const Layout& layout);
@@ -96,6 +103,9 @@ public:
     /// one tensor, is more than the device has; nothing has run by then.
     void finish();
 
+    /// Whether the next run's inputs can be written: false while two runs are submitted, or one
+    /// where the device has no memory for a second set of staging; wait() then makes room.
+    [[nodiscard]] bool reserve();
     /// Data of an input: dense channels x height x width (or a shorter prefix of it).
     void write(const Tensor& input, std::span<const std::byte> data);
     template <typename T> void write(const Tensor& input, std::span<const T> values) {
@@ -106,18 +116,26 @@ public:
         write(input, std::span<const T>(values));
     }
 
+    /// Starts a run with what was written; reserve() must have been true.
+    void submit();
+    /// Waits for the oldest run submitted; read() then gives what that one made, until the next
+    /// submit().
+    void wait();
+    /// submit() and wait().
     void run();
     /// Runs once with a timestamp around every dispatch.
     std::vector<DispatchTime> profile();
 
-    /// The raw memory of an output after a run, as its layout orders it.
+    /// The raw memory of an output after wait(), as its layout orders it.
     [[nodiscard]] std::span<const float> read(const Tensor& output) const;
 
     [[nodiscard]] Device& device() const { return device_; }
     [[nodiscard]] uint64_t arena_bytes() const { return arena_bytes_; }
+    /// Floating-point operations of all dispatches.
+    [[nodiscard]] double flops() const;
     [[nodiscard]] size_t steps() const { return steps_.size(); }
     [[nodiscard]] size_t barriers() const { return barriers_; }
-    [[nodiscard]] size_t submissions() const { return recording_.commands.size(); }
+    [[nodiscard]] size_t submissions() const { return staging_.front().recording.commands.size(); }
 
 private:
     enum class Kind { input, output, temporary };
@@ -143,12 +161,20 @@ private:
         Handle<VkCommandPool> pool;
         std::vector<VkCommandBuffer> commands;
     };
+    struct Staging {
+        Buffer upload;
+        Buffer readback;
+        Recording recording; ///< with copies from and to these buffers
+        Handle<VkFence> fence;
+    };
+    static constexpr size_t kMostStaging = 2;
 
     Tensor make(Kind kind, const Layout& layout);
     void touch(const Tensor& tensor, uint32_t step);
     void plan();
     void make_descriptors();
-    Recording record(VkQueryPool queries);
+    Staging make_staging();
+    Recording record(const Staging& staging, VkQueryPool queries);
     void record_step(VkCommandBuffer commands, size_t index);
     [[nodiscard]] Range range(const Argument& argument) const;
     [[nodiscard]] std::vector<Range> ranges(const Step& step) const;
@@ -158,14 +184,17 @@ private:
     std::vector<Slot> slots_;
     std::vector<Step> steps_;
     uint64_t arena_bytes_ = 0;
+    uint64_t upload_bytes_ = 0;
+    uint64_t readback_bytes_ = 0;
     size_t barriers_ = 0;
     Buffer arena_;
-    Buffer upload_;
-    Buffer readback_;
     Handle<VkDescriptorPool> descriptor_pool_;
     std::vector<VkDescriptorSet> sets_;          ///< by step
     std::vector<std::vector<uint32_t>> dynamic_; ///< dynamic uniform offsets by step
-    Recording recording_;
+    std::vector<Staging> staging_;
+    std::vector<size_t> running_; ///< sets of staging whose runs are submitted, oldest first
+    size_t written_ = 0;          ///< the set that write() fills
+    size_t read_ = 0;             ///< the set that read() reads
 };
 
 } // namespace ecir

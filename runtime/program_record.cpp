@@ -176,7 +176,7 @@ void Program::record_step(VkCommandBuffer commands, size_t index) {
     vkCmdDispatch(commands, dispatch.groups[0], dispatch.groups[1], dispatch.groups[2]);
 }
 
-Program::Recording Program::record(VkQueryPool queries) {
+Program::Recording Program::record(const Staging& staging, VkQueryPool queries) {
     VkCommandPoolCreateInfo pool_info{};
     pool_info.sType = VK_STRUCTURE_TYPE_COMMAND_POOL_CREATE_INFO;
     pool_info.queueFamilyIndex = device_.queue_family();
@@ -206,13 +206,13 @@ Program::Recording Program::record(VkQueryPool queries) {
     if (queries != VK_NULL_HANDLE) {
         vkCmdResetQueryPool(commands, queries, 0, static_cast<uint32_t>(steps_.size()) + 1);
     }
-    // Bytes touched since the last barrier. A replay starts after the one before it has been waited
-    // for.
+    memory_barrier(commands); // the run before this one may be under way, in the same arena
+    // Bytes touched since the last barrier.
     std::vector<Range> open;
     for (const Slot& slot : slots_) {
         if (slot.kind == Kind::input) {
             const VkBufferCopy copy{slot.staging_offset, slot.offset, slot.bytes};
-            vkCmdCopyBuffer(commands, upload_.handle(), arena_.handle(), 1, &copy);
+            vkCmdCopyBuffer(commands, staging.upload.handle(), arena_.handle(), 1, &copy);
             open.push_back({arena_.handle(), slot.offset, slot.offset + slot.bytes, Access::write});
         }
     }
@@ -250,7 +250,7 @@ Program::Recording Program::record(VkQueryPool queries) {
     for (const Slot& slot : slots_) {
         if (slot.kind == Kind::output) {
             const VkBufferCopy copy{slot.offset, slot.staging_offset, slot.bytes};
-            vkCmdCopyBuffer(commands, arena_.handle(), readback_.handle(), 1, &copy);
+            vkCmdCopyBuffer(commands, arena_.handle(), staging.readback.handle(), 1, &copy);
         }
     }
     host_barrier(commands);
@@ -258,8 +258,34 @@ Program::Recording Program::record(VkQueryPool queries) {
     return recording;
 }
 
+Program::~Program() {
+    for (const size_t set : running_) {
+        const VkFence fence = staging_[set].fence.get();
+        (void)vkWaitForFences(device_.handle(), 1, &fence, VK_TRUE, UINT64_MAX);
+    }
+}
+
+void Program::submit() {
+    if (!reserve()) {
+        throw Error(ExitCode::device, "program: submitted before a run under way was waited for");
+    }
+    const Staging& staging = staging_.at(written_);
+    device_.start(staging.recording.commands, staging.fence.get());
+    running_.push_back(written_);
+}
+
+void Program::wait() {
+    if (running_.empty()) {
+        throw Error(ExitCode::device, "program: nothing was submitted to wait for");
+    }
+    read_ = running_.front();
+    running_.erase(running_.begin());
+    device_.wait(staging_[read_].fence.get());
+}
+
 void Program::run() {
-    device_.submit(recording_.commands);
+    submit();
+    wait();
 }
 
 std::vector<DispatchTime> Program::profile() {
@@ -274,7 +300,7 @@ std::vector<DispatchTime> Program::profile() {
     VkQueryPool pool = VK_NULL_HANDLE;
     vk_check(vkCreateQueryPool(device_.handle(), &info, nullptr, &pool), "vkCreateQueryPool");
     const Handle<VkQueryPool> queries(pool, device_.handle(), vkDestroyQueryPool);
-    const Recording timed = record(pool);
+    const Recording timed = record(staging_.at(read_), pool);
     device_.submit(timed.commands);
     std::vector<uint64_t> ticks(count);
     vk_check(vkGetQueryPoolResults(device_.handle(), pool, 0, count, ticks.size() * 8, ticks.data(),

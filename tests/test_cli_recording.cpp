@@ -98,6 +98,54 @@ TEST_SUITE("cli recording") {
         must_fail(3, three.deblur(scene, "left", {"--size", "24x20"}), {"blurry_000002.png"});
     }
 
+    TEST_CASE("exposures that overlap and come in any order give what each gives alone") {
+        const Three& three = Three::get();
+        const fs::path scene = three.copy("mixed");
+        put(scene / "exposures.csv", "file,start_us,end_us\n"
+                                     "blurry_000002.png,1600000000100000,1600000000150000\n"
+                                     "blurry_000000.png,1600000000000000,1600000000050000\n"
+                                     "blurry_000001.png,1600000000050000,1600000000100000\n"
+                                     "blurry_000001.png,1600000000050000,1600000000100000\n");
+        must(three.deblur(three.scene, "sorted.npy", {"--frames", "2"}));
+        must(three.deblur(scene, "mixed.npy", {"--frames", "2"}));
+        const auto sorted = io::read_npy(three.result("sorted.npy")).values;
+        const auto mixed = io::read_npy(three.result("mixed.npy")).values;
+        const size_t each = sorted.size() / 3;
+        REQUIRE(mixed.size() == 4 * each);
+        const std::array<size_t, 4> place{2, 0, 1, 1};
+        for (size_t i = 0; i < place.size(); ++i) {
+            CHECK(std::equal(mixed.begin() + static_cast<std::ptrdiff_t>(i * each),
+                             mixed.begin() + static_cast<std::ptrdiff_t>((i + 1) * each),
+                             sorted.begin() + static_cast<std::ptrdiff_t>(place[i] * each)));
+        }
+    }
+
+    TEST_CASE("of several errors the first exposure's is told") {
+        const Three& three = Three::get();
+        const fs::path scene = three.copy("several");
+        put(scene / "blurry_000001.png", "not an image");
+        truncate(three.scene / "blurry_000002.png", scene / "blurry_000002.png", 0.5);
+        must_fail(3, three.deblur(scene, "no"), {"blurry_000001.png", "PNG"});
+        // The first one's frames do not fit the disk; reading the second is ahead of that.
+        Surroundings small;
+        small.largest_file = 1000;
+        must_fail(5, three.deblur(scene, "no"), {"; "}, small);
+    }
+
+    TEST_CASE("times that go back behind the last exposure are an error") {
+        const Three& three = Three::get();
+        const fs::path scene = three.copy("unsorted");
+        Events events = io::read_events(scene / "events.h5").events;
+        for (const int64_t time : {400'000, 300'000, 500'000}) {
+            events.push_back(kStart + time, 1, 1, 1);
+        }
+        io::write_events(scene / "events.h5", events.view());
+        const std::string place = "event " + std::to_string(events.size() - 2);
+        const auto before = names(three.folder.path());
+        must_fail(3, three.deblur(scene, "no"), {"events.h5", place, "sort"});
+        CHECK(names(three.folder.path()) == before);
+    }
+
     TEST_CASE("a folder that is no recording says what is missing") {
         const Three& three = Three::get();
         const fs::path scene = three.copy("lacking");

@@ -114,6 +114,53 @@ TEST_SUITE("deblur") {
         }
     }
 
+    TEST_CASE("a frame begun before the last one is finished gives the same bits") {
+        const auto device = Device::open();
+        for (const char* model : {"edi", "ecir", "fusion"}) {
+            CAPTURE(model);
+            DeblurOptions options;
+            options.model = model;
+            Deblur one(device, options, kWidth, kHeight);
+            Deblur two(device, options, kWidth, kHeight);
+            // Other numbers of frames and more events record the program anew, with a run under
+            // way; without events there is no run.
+            const std::vector<std::pair<size_t, uint32_t>> frames{
+                {500, 2}, {900, 2}, {20'000, 2}, {0, 3}, {700, 3}, {600, 3}, {300, 1}};
+            std::vector<std::vector<float>> expected;
+            std::vector<std::optional<EdiThresholds>> thresholds;
+            for (const auto& [count, times] : frames) {
+                expected.push_back(one.frames(blurry(), random_events(count).view(), kExposure,
+                                              even_times(times)));
+                thresholds.push_back(one.thresholds());
+            }
+            for (size_t i = 0; i <= frames.size(); ++i) {
+                if (i < frames.size()) {
+                    two.begin(blurry(), random_events(frames[i].first).view(), kExposure,
+                              even_times(frames[i].second));
+                }
+                if (i > 0) {
+                    CAPTURE(i);
+                    CHECK(two.finish() == expected[i - 1]);
+                    CHECK(two.thresholds() == thresholds[i - 1]);
+                }
+            }
+        }
+    }
+
+    TEST_CASE("a frame that cannot begin leaves the one under way as it is") {
+        const auto device = Device::open();
+        const Events events = random_events(500);
+        const uint64_t pixels = uint64_t{kWidth} * kHeight;
+        const std::vector<double> many(device->info().heap_bytes / (4 * pixels) + 1, 0.5);
+        Deblur deblur(device, {}, kWidth, kHeight);
+        const auto alone = deblur.frames(blurry(), events.view(), kExposure, even_times(2));
+        deblur.begin(blurry(), events.view(), kExposure, even_times(2));
+        CHECK(code_of([&] { deblur.begin(blurry(), events.view(), kExposure, many); }) ==
+              ExitCode::resources);
+        CHECK(deblur.finish() == alone);
+        CHECK(deblur.frames(blurry(), events.view(), kExposure, even_times(2)) == alone);
+    }
+
     TEST_CASE("after a number of frames that no memory holds the object works on") {
         const auto device = Device::open();
         const Events events = random_events(500);
@@ -190,6 +237,9 @@ TEST_SUITE("deblur") {
         CHECK(open([](O& o) { o.model = "ecir", o.thresholds = EdiThresholds{}; }) ==
               ExitCode::usage);
         CHECK(open([](O& o) { o.model = "edi", o.refine = 1; }) == ExitCode::usage);
+        CHECK(open([](O& o) { o.model = "fusion", o.refine = 1; }) == ExitCode::ok);
+        CHECK(open([](O& o) { o.model = "fusion", o.refine = 2; }) == ExitCode::usage);
+        CHECK(open([](O& o) { o.model = "ecir", o.refine = 5; }) == ExitCode::ok);
         for (const float wrong : {0.0F, -0.2F, NAN, INFINITY}) {
             CHECK(open([&](O& o) { o.thresholds = {0.2F, wrong}; }) == ExitCode::usage);
         }

@@ -12,8 +12,10 @@
 #include "layers/ecir.hpp"
 #include "layers/esl_net.hpp"
 #include "layers/operations.hpp"
+#include "layers/reference/histogram.hpp"
 
-// Times, which a shared machine does not keep: run by `ecir_tests -ts=speed --no-skip`.
+// Bounds on times, which a shared machine does not keep: run by `ecir_tests -ts=speed --no-skip`.
+// `ecir bench` times the rest.
 namespace {
 
 using namespace ecir;
@@ -89,18 +91,6 @@ private:
     std::filesystem::path path_;
 };
 
-/// Evenly spread over an exposure of 120 ms and the pixels of 240x180.
-Events steady_events(CaseRandom& random, uint32_t count) {
-    Events events;
-    for (uint32_t i = 0; i < count; ++i) {
-        events.push_back(int64_t{i} * 120'000 / count,
-                         static_cast<uint16_t>(random.integer(0, 239)),
-                         static_cast<uint16_t>(random.integer(0, 179)),
-                         static_cast<uint8_t>(random.integer(0, 1)));
-    }
-    return events;
-}
-
 } // namespace
 
 TEST_SUITE("speed" * doctest::skip()) {
@@ -109,7 +99,7 @@ TEST_SUITE("speed" * doctest::skip()) {
         const RandomWeights file;
         EcirMethod method(Device::open(), SafeTensors(file.path()), 180, 240, {});
         CaseRandom random(2);
-        const Events events = steady_events(random, 100'000);
+        const Events events = even_events(random, {0, 120'000}, 240, 180, 100'000);
         const auto blurry = random.values(size_t{240} * 180, 0, 1);
         const auto times = even_times(14);
         const FrameInput input{blurry, events.view(), {0, 120'000}, times};
@@ -140,7 +130,7 @@ TEST_SUITE("speed" * doctest::skip()) {
         const SafeTensors file(std::string(ECIR_TEST_DATA) + "/fixtures/esl-net-41x29.safetensors");
         EslNetMethod method(Device::open(), file, 180, 240);
         CaseRandom random(2);
-        const Events events = steady_events(random, 100'000);
+        const Events events = even_events(random, {0, 120'000}, 240, 180, 100'000);
         const auto blurry = random.values(size_t{240} * 180, 0, 1);
         const auto times = even_times(1);
         method.frames({blurry, events.view(), {0, 120'000}, times}); // compiles the kernels

@@ -8,6 +8,7 @@
 #include "layers/conv.hpp"
 #include "layers/conv_pair.hpp"
 #include "layers/conv_plane.hpp"
+#include "layers/reference/conv_cases.hpp"
 
 namespace ecir::reference {
 
@@ -77,46 +78,7 @@ std::vector<double> conv_transposed(std::span<const double> in, uint32_t channel
 namespace ecir {
 namespace {
 
-struct Case {
-    uint32_t kernel;
-    uint32_t stride;
-    bool transposed;
-    std::vector<uint32_t> inputs; ///< channels of each input tensor
-    uint32_t out;
-    uint32_t height; ///< of the output when transposed, else of the input
-    uint32_t width;
-    bool bias;
-    bool relu;
-    bool residual;
-    uint32_t in_block; ///< 0 for the device's
-};
-
-/// Every kernel, stride and number of inputs, channels that fill blocks and that do not, odd sizes,
-/// one pixel, both tiles of the lane family, several slices and several chunks of weights.
-const std::vector<Case>& cases() {
-    static const std::vector<Case> all = {
-        {3, 1, false, {3}, 5, 7, 9, true, true, false, 0},
-        {3, 1, false, {9}, 32, 6, 43, false, true, false, 0},
-        {3, 1, false, {40}, 24, 5, 17, true, true, true, 0},
-        {3, 1, false, {1}, 32, 9, 31, false, true, false, 1},
-        {3, 1, false, {16}, 264, 3, 5, true, false, true, 0},
-        {3, 2, false, {20}, 12, 1, 1, true, false, false, 0},
-        {3, 2, false, {8}, 8, 13, 11, false, false, true, 0},
-        {5, 2, false, {40, 11}, 16, 11, 43, true, true, false, 0},
-        {5, 2, false, {24}, 80, 8, 22, true, true, false, 0},
-        {5, 1, false, {8, 3}, 9, 6, 21, true, false, false, 0},
-        {1, 1, false, {32, 40, 11}, 10, 5, 23, true, false, false, 0},
-        {1, 1, false, {5}, 3, 1, 1, true, true, false, 0},
-        {1, 2, false, {8}, 8, 5, 6, false, false, false, 0},
-        {5, 2, true, {24, 24}, 16, 9, 43, false, true, false, 0},
-        {5, 2, true, {12}, 7, 10, 12, false, false, false, 0},
-        {5, 2, true, {8}, 8, 1, 1, true, true, false, 0},
-        {3, 2, true, {8}, 8, 7, 6, true, false, true, 0},
-    };
-    return all;
-}
-
-std::string describe(const Case& c) {
+std::string describe(const ConvCase& c) {
     std::string inputs;
     for (const uint32_t channels : c.inputs) {
         inputs += (inputs.empty() ? "" : "+") + std::to_string(channels);
@@ -126,9 +88,7 @@ std::string describe(const Case& c) {
            std::to_string(c.out) + " " + std::to_string(c.width) + "x" + std::to_string(c.height);
 }
 
-Trial make_trial(Device& device, uint32_t index, ConvFamily family) {
-    const Case& c = cases().at(index);
-    CaseRandom random(index);
+Trial make_trial(Device& device, const ConvCase& c, CaseRandom random, ConvFamily family) {
     Trial trial;
     trial.shape = describe(c);
     trial.program = std::make_unique<Program>(device);
@@ -155,8 +115,7 @@ Trial make_trial(Device& device, uint32_t index, ConvFamily family) {
     std::vector<Tensor> tensors;
     std::vector<std::vector<float>> memory;
     for (size_t i = 0; i < c.inputs.size(); ++i) {
-        const Layout layout{c.inputs[i], in_height, in_width, c.in_block != 0 ? c.in_block : block,
-                            2};
+        const Layout layout{c.inputs[i], in_height, in_width, i < c.planar ? 1 : block, 2};
         const auto dense = random.values(size_t{c.inputs[i]} * in_height * in_width, -1, 1);
         std::ranges::copy(dense, all.begin() + static_cast<std::ptrdiff_t>(size_t{maps[i].front()} *
                                                                            in_height * in_width));
@@ -173,6 +132,7 @@ Trial make_trial(Device& device, uint32_t index, ConvFamily family) {
         const Layout layout{c.out, out_height, out_width, block, 0};
         residual = program.input(layout);
     }
+    trial.first_step = program.steps();
     const ConvDesc desc{c.out, c.kernel, c.stride, c.transposed, c.relu};
     const Conv layer(device, desc, maps, weight, bias, family);
     layer.record(program, tensors, trial.output, residual);
@@ -201,11 +161,21 @@ Trial make_trial(Device& device, uint32_t index, ConvFamily family) {
 } // namespace
 
 Trial conv_trial(Device& device, uint32_t trial) {
-    return make_trial(device, trial, conv_family(device.info()));
+    const auto small = static_cast<uint32_t>(small_convs().size());
+    return make_trial(device,
+                      trial < small ? small_convs()[trial]
+                                    : network_convs(channel_block(device.info())).at(trial - small),
+                      CaseRandom(trial), conv_family(device.info()));
 }
 
 Trial conv_tile_trial(Device& device, uint32_t trial) {
-    return make_trial(device, trial, ConvFamily::tile);
+    const auto small = static_cast<uint32_t>(small_convs().size());
+    // Of the networks' a few: where this is the device's family, `conv` has them all.
+    constexpr std::array<size_t, 3> kChosen = {2, 16, 17};
+    return make_trial(device,
+                      trial < small ? small_convs()[trial]
+                                    : network_convs(kConvTileBlock).at(kChosen.at(trial - small)),
+                      CaseRandom(trial), ConvFamily::tile);
 }
 
 Trial conv_plane_trial(Device& device, uint32_t index) {
@@ -229,6 +199,7 @@ Trial conv_plane_trial(Device& device, uint32_t index) {
     const float bias = more ? 0.75F : 0;
     const Tensor image = program.input({1, height, width, 1, 2});
     const auto before = random.values(size_t{height} * width, -1, 1);
+    trial.first_step = program.steps();
     const ConvPlane layer(device, channels, 3, weight, bias);
     layer.record(program, input, trial.output, more ? std::optional(image) : std::nullopt);
     program.finish();
@@ -249,14 +220,18 @@ Trial conv_pair_trial(Device& device, uint32_t index) {
     };
     // One slice and several, some of them inside a block of the start, hidden channels that do not
     // fill the kernel's groups, several tiles of the sum, and more inputs than the kernel takes.
-    constexpr std::array<Shape, 8> kShapes = {{{9, 32, 5, 23, false},
-                                               {1, 5, 1, 1, true},
-                                               {3, 8, 1, 9, false},
-                                               {2, 6, 7, 1, true},
-                                               {16, 16, 3, 8, true},
-                                               {20, 31, 4, 11, true},
-                                               {1, 4, 2, 97, false},
-                                               {33, 8, 3, 5, true}}};
+    // The last three: as in `fusion` and `ecir`.
+    constexpr std::array<Shape, 11> kShapes = {{{9, 32, 5, 23, false},
+                                                {1, 5, 1, 1, true},
+                                                {3, 8, 1, 9, false},
+                                                {2, 6, 7, 1, true},
+                                                {16, 16, 3, 8, true},
+                                                {20, 31, 4, 11, true},
+                                                {1, 4, 2, 97, false},
+                                                {33, 8, 3, 5, true},
+                                                {16, 16, 180, 240, true},
+                                                {9, 32, 180, 240, false},
+                                                {1, 32, 180, 240, false}}};
     const auto [channels, hidden, height, width, terms] = kShapes.at(index);
     CaseRandom random(700 + index);
     const auto first = random.values(size_t{hidden} * channels * 9, -0.5, 0.5);
@@ -284,6 +259,7 @@ Trial conv_pair_trial(Device& device, uint32_t index) {
         more = {start_input, added_input};
     }
     layer.record(program, input, scratch, trial.output, more);
+    trial.first_step = program.steps();
     layer.record(program, input, scratch, trial.output, more); // the scratch serves again
     program.finish();
     program.write(input, from_dense(input.layout(), image));

@@ -27,23 +27,26 @@ namespace {
 
 struct Case {
     uint32_t channels, height, width;
-    uint32_t block;
+    uint32_t block; ///< 0 for the device's
     double time;
 };
 
-constexpr std::array<Case, 6> cases = {{
+/// The last one: as in the network.
+constexpr std::array<Case, 7> cases = {{
     {48, 5, 7, 8, -1},
     {16, 3, 65, 16, 0.3},
     {20, 9, 4, 8, -0.7}, // the last block is not full
     {3, 1, 1, 4, 1},
     {80, 11, 33, 16, 0},
     {1, 2, 130, 8, 0.9},
+    {48, 45, 60, 0, 0.3},
 }};
 
 } // namespace
 
 Trial fusion_mix_trial(Device& device, uint32_t trial) {
-    const Case& shape = cases.at(trial % cases.size());
+    Case shape = cases.at(trial);
+    shape.block = case_block(device, shape.block);
     CaseRandom random(1200 + trial);
     Trial result;
     result.shape = std::to_string(shape.channels) + " channels " + std::to_string(shape.width) +
@@ -55,6 +58,7 @@ Trial fusion_mix_trial(Device& device, uint32_t trial) {
     const Tensor input = program.input(sets);
     const Tensor instants = program.input(instant_layout(2));
     result.output = program.output(layout);
+    result.first_step = program.steps();
     record_fusion_mix(program, input, instants.channels(1, 1), result.output);
     program.finish();
 

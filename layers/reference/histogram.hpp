@@ -24,6 +24,10 @@ namespace ecir {
 Events random_events(CaseRandom& random, const Exposure& exposure, uint32_t width, uint32_t height,
                      uint32_t count, uint32_t grid);
 
+/// Sorted events spread evenly over the exposure and, at random, over the pixels.
+Events even_events(CaseRandom& random, const Exposure& exposure, uint32_t width, uint32_t height,
+                   uint32_t count);
+
 Trial event_histogram_trial(Device& device, uint32_t trial);
 
 } // namespace ecir

@@ -9,6 +9,8 @@ void add_deblur(CLI::App& app);
 void add_eval(CLI::App& app);
 void add_simulate(CLI::App& app);
 void add_verify(CLI::App& app);
+void add_bench(CLI::App& app);
+void add_chart(CLI::App& app);
 void add_devices(CLI::App& app);
 
 } // namespace ecir::cli

@@ -14,7 +14,7 @@ Console::~Console() {
     clear();
 }
 
-void Console::progress(size_t done) {
+void Console::progress(size_t done) const {
     if (!terminal_) {
         return;
     }

@@ -14,7 +14,7 @@ public:
     Console(const Console&) = delete;
     Console& operator=(const Console&) = delete;
 
-    void progress(size_t done);
+    void progress(size_t done) const;
     void note(const std::string& text) const;
     void warn(const std::string& text) const { note("warning: " + text); }
 

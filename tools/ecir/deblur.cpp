@@ -149,7 +149,7 @@ void add_method(CLI::App& command, Options& o) {
         ->group(group);
     command
         .add_option("--refine", o.job.deblur.refine,
-                    "Refinement iterations of E-CIR; 0: initialisation alone")
+                    "Refinement iterations of E-CIR; fusion networks: 1, or 0 for the prior alone")
         ->check(within(0, 1000))
         ->option_text("N [as trained]")
         ->group(group);

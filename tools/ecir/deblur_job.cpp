@@ -2,16 +2,18 @@
 
 #include <algorithm>
 #include <cmath>
+#include <exception>
 #include <memory>
 #include <span>
+#include <thread>
 
 #include "layers/prior.hpp"
 #include "runtime/error.hpp"
 #include "tools/ecir/console.hpp"
+#include "tools/ecir/deblur_input.hpp"
 #include "tools/ecir/frame_output.hpp"
-#include "tools/io/event_file.hpp"
+#include "tools/ecir/handover.hpp"
 #include "tools/io/file.hpp"
-#include "tools/io/recording.hpp"
 
 namespace ecir::cli {
 namespace {
@@ -19,13 +21,10 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr double kVideoFps = 25; ///< of written videos: slow enough to see what moves
+constexpr size_t kBegun = 2;     ///< exposures begun at a time
 
 [[noreturn]] void refuse(const std::string& what) {
     throw Error(ExitCode::usage, what);
-}
-
-std::string size_text(int width, int height) {
-    return std::to_string(width) + " x " + std::to_string(height);
 }
 
 /// Times `1 / fps` of a second apart, from the start of the exposure on.
@@ -50,70 +49,18 @@ std::vector<double> wanted_times(const DeblurJob& job, const Exposure& exposure)
     return job.times.empty() ? times_at(job.fps, exposure) : job.times;
 }
 
-io::Recording one_frame(const DeblurJob& job) {
-    if (job.events.empty() || !job.exposure) {
-        refuse("a single frame needs its events (-e FILE) and its exposure (--exposure START END); "
-               "a recording is a folder with exposures.csv");
-    }
-    if (job.exposure->end <= job.exposure->start) {
-        throw Error(ExitCode::bad_input, "the exposure of " + job.input.string() + " ends at " +
-                                             std::to_string(job.exposure->end) +
-                                             " us, not after its start at " +
-                                             std::to_string(job.exposure->start) +
-                                             " us; give --exposure START END in microseconds");
-    }
-    return {{{job.input, *job.exposure}}, job.events};
-}
+/// An exposure that the device works on, or worked on.
+struct Deblurred {
+    LoadedExposure exposure; ///< without its events
+    size_t events = 0;
+    std::vector<double> times;
+    std::vector<float> frames;
+};
 
-bool is_recording(const DeblurJob& job) {
-    std::error_code problem;
-    const fs::file_status status = fs::status(job.input, problem);
-    if (!fs::exists(status)) {
-        throw Error(ExitCode::bad_input, job.input.string() +
-                                             ": cannot open: " + problem.message() +
-                                             "; give the blurry image, or a recording's folder");
-    }
-    return fs::is_directory(status);
-}
-
-io::Recording open_input(const DeblurJob& job) {
-    if (!is_recording(job)) {
-        return one_frame(job);
-    }
-    if (!job.events.empty() || job.exposure) {
-        refuse("-e and --exposure go with a single frame; a recording's folder holds both");
-    }
-    return io::open_recording(job.input);
-}
-
-/// A window wholly outside what the file recorded is a mistake in the clock, not a still scene.
-void check_exposure(const Exposure& exposure, const EventView& events, const fs::path& file) {
-    if (events.size() == 0 ||
-        (exposure.start <= events.t.back() && events.t.front() <= exposure.end)) {
-        return;
-    }
-    throw Error(ExitCode::bad_input,
-                file.string() + ": the exposure " + std::to_string(exposure.start) + " to " +
-                    std::to_string(exposure.end) +
-                    " lies wholly outside the events, which run from " +
-                    std::to_string(events.t.front()) + " to " + std::to_string(events.t.back()) +
-                    " us; give both on one clock, in microseconds");
-}
-
-void check_sensor(const io::EventFile& events, const io::Image& image, const fs::path& image_path,
-                  const fs::path& events_path) {
-    if (events.width && events.height &&
-        (*events.width != image.width || *events.height != image.height)) {
-        throw Error(ExitCode::bad_input, events_path.string() + ": the events are of a sensor of " +
-                                             size_text(*events.width, *events.height) +
-                                             " pixels, " + image_path.string() + " has " +
-                                             size_text(image.width, image.height) +
-                                             "; give the image and the events of one sensor");
-    }
-    io::check_inside(events.events.view(), image.width, image.height, events_path);
-}
-
-/// Deblurs the exposures of a recording one after another into one output.
+/// Deblurs the exposures of a recording into one output. Three threads at a time work on exposures
+/// that follow each other: one reads and decodes, one packs events and has the device compute (two
+/// exposures are begun at a time, so that the device need not wait for the host), one encodes and
+/// writes. Of errors the first in the order of the exposures ends the run.
 class Run {
 public:
     explicit Run(const DeblurJob& job)
@@ -131,101 +78,161 @@ public:
 
     void operator()() {
         FrameOutput output(job_.output, job_.overwrite, frames_, kVideoFps);
-        const io::EventFile file = io::read_events(recording_.events);
-        for (const auto& item : recording_.items) {
-            check_exposure(item.exposure, file.events.view(), recording_.events);
-        }
+        ExposureReader reader(job_, recording_);
         device_ = Device::open(job_.device);
         if (device_->info().is_cpu && job_.device.empty()) {
             console_.note("no GPU found, using the CPU driver " + device_->info().name +
                           " (ecir devices lists all)");
         }
-        for (size_t i = 0; i < recording_.items.size(); ++i) {
-            console_.progress(i);
-            exposure(recording_.items[i], file, output);
+        device_->on_compiling([this] {
+            console_.note("compiling kernels for " + device_->info().name +
+                          ", which is done only once");
+        });
+        std::exception_ptr unwritten;
+        std::exception_ptr uncomputed;
+        std::jthread reading([&] { read_all(reader); });
+        std::jthread writing;
+        try {
+            writing = std::jthread([&] { unwritten = write_all(output); });
+            compute_all();
+        } catch (...) {
+            uncomputed = std::current_exception();
+        }
+        loaded_.abandon();
+        deblurred_.close();
+        reading.join();
+        if (writing.joinable()) {
+            writing.join();
+        }
+        // In the order of the exposures: what was to be written was computed before.
+        for (const std::exception_ptr& error : {unwritten, uncomputed}) {
+            if (error) {
+                std::rethrow_exception(error);
+            }
         }
         output.commit();
     }
 
 private:
-    void exposure(const io::Recording::Item& item, const io::EventFile& file, FrameOutput& output) {
-        io::Image image = io::read_image(item.image);
-        check_image(image, item.image, file);
-        Events scaled;
-        EventView events = window(file.events.view(), item.exposure);
-        if (events.size() == 0) {
-            console_.warn(item.image.string() + ": " + recording_.events.string() +
+    void read_all(ExposureReader& reader) {
+        try {
+            for (const auto& item : recording_.items) {
+                if (!loaded_.put(reader.read(item))) {
+                    return;
+                }
+            }
+            reader.finish();
+            loaded_.close();
+        } catch (...) {
+            loaded_.close(std::current_exception());
+        }
+    }
+
+    std::exception_ptr write_all(FrameOutput& output) {
+        try {
+            while (const auto deblurred = deblurred_.take()) {
+                write(*deblurred, output);
+            }
+            return {};
+        } catch (...) {
+            deblurred_.abandon();
+            return std::current_exception();
+        }
+    }
+
+    void compute_all() {
+        console_.progress(0);
+        try {
+            while (auto loaded = loaded_.take()) {
+                begin(std::move(*loaded));
+                if (begun_.size() == kBegun && !finish()) {
+                    return;
+                }
+            }
+        } catch (...) {
+            // The exposures begun come before the one that failed, and so would their errors.
+            while (!begun_.empty() && finish()) {
+            }
+            throw;
+        }
+        while (!begun_.empty() && finish()) {
+        }
+    }
+
+    void begin(LoadedExposure loaded) {
+        if (!deblur_) {
+            deblur_.emplace(device_, job_.deblur, static_cast<uint32_t>(loaded.image.width),
+                            static_cast<uint32_t>(loaded.image.height));
+        }
+        Deblurred next;
+        next.times = wanted_times(job_, loaded.item->exposure);
+        next.events = loaded.events.size();
+        begun_.reserve(kBegun);
+        deblur_->begin(loaded.luminance, loaded.events.view(), loaded.item->exposure, next.times);
+        loaded.events = {};
+        next.exposure = std::move(loaded);
+        begun_.push_back(std::move(next));
+    }
+
+    /// Hands the oldest exposure begun to the writer; false when that has failed.
+    bool finish() {
+        Deblurred oldest = std::move(begun_.front());
+        begun_.erase(begun_.begin());
+        try {
+            oldest.frames = deblur_->finish();
+        } catch (...) {
+            begun_.clear(); // errors of those after it do not count
+            throw;
+        }
+        tell(oldest);
+        console_.progress(++finished_);
+        return deblurred_.put(std::move(oldest));
+    }
+
+    void tell(const Deblurred& deblurred) const {
+        const std::string& image = deblurred.exposure.item->image;
+        if (deblurred.events == 0) {
+            console_.warn(image + ": " + recording_.events.string() +
                           " has no event in its exposure, so its frames are the blurry frame");
         }
-        if (job_.size) {
-            scaled = scale_events(events, image.width, image.height, *job_.size);
-            events = scaled.view();
-            image = resize_area(image, *job_.size);
-        }
-        if (!deblur_) {
-            deblur_.emplace(device_, job_.deblur, static_cast<uint32_t>(image.width),
-                            static_cast<uint32_t>(image.height));
-        }
-        const std::vector<double> times = wanted_times(job_, item.exposure);
-        const std::vector<float> luminance = io::luminance(image);
-        const auto frames = deblur_->frames(luminance, events, item.exposure, times);
-        tell_thresholds(item.image, events);
+        tell_thresholds(image);
         if (deblur_->ignored_pixels() > 0) {
-            console_.warn(item.image.string() + ": " + std::to_string(deblur_->ignored_pixels()) +
+            console_.warn(image + ": " + std::to_string(deblur_->ignored_pixels()) +
                           " of its pixels have more than " + std::to_string(prior_busy_events) +
                           " events, which this model takes as without events; -m edi takes more");
         }
-        write(image, luminance, frames, times, item, output);
     }
 
-    /// One Deblur object serves all exposures, so all images have the first one's size.
-    void check_image(const io::Image& image, const fs::path& path, const io::EventFile& file) {
-        if (!deblur_) {
-            check_sensor(file, image, path, recording_.events);
-            sensor_ = {image.width, image.height};
-            channels_ = image.channels;
-        }
-        if (image.width != sensor_.width || image.height != sensor_.height) {
-            throw Error(ExitCode::bad_input, path.string() + ": has " +
-                                                 size_text(image.width, image.height) +
-                                                 " pixels, the images before it " +
-                                                 size_text(sensor_.width, sensor_.height) +
-                                                 "; a recording has the images of one sensor");
-        }
-        if (image.channels != channels_) {
-            throw Error(ExitCode::bad_input,
-                        path.string() + ": is " + (image.channels == 1 ? "grey" : "colour") +
-                            ", unlike the images before it; a recording is all grey or all colour");
-        }
-    }
-
-    void tell_thresholds(const fs::path& image, const EventView& events) const {
+    void tell_thresholds(const std::string& image) const {
         const auto used = deblur_->thresholds();
-        if (!used || job_.deblur.thresholds || events.size() == 0) {
+        if (!used || job_.deblur.thresholds) {
             return;
         }
         char text[64];
         std::snprintf(text, sizeof text, "%.3f %.3f", static_cast<double>(used->positive),
                       static_cast<double>(used->negative));
-        console_.note(image.string() + ": estimated thresholds " + text);
+        console_.note(image + ": estimated thresholds " + text);
     }
 
-    void write(const io::Image& image, const std::vector<float>& luminance,
-               std::span<const float> frames, const std::vector<double>& times,
-               const io::Recording::Item& item, FrameOutput& output) const {
+    void write(const Deblurred& deblurred, FrameOutput& output) const {
+        const auto& [item, image, luminance, events] = deblurred.exposure;
         const bool single = recording_.items.size() == 1 && job_.exposure;
         io::Image sharp = image;
-        for (size_t i = 0; i < times.size(); ++i) {
-            const auto frame = frames.subspan(i * luminance.size(), luminance.size());
+        for (size_t i = 0; i < deblurred.times.size(); ++i) {
+            const auto frame =
+                std::span(deblurred.frames).subspan(i * luminance.size(), luminance.size());
             if (image.channels == 1) {
                 sharp.pixels.assign(frame.begin(), frame.end());
             } else {
                 sharp.pixels = recolour(image.pixels, luminance, frame, 3);
             }
-            output.add(sharp, {{},
-                               times[i],
-                               io::absolute_time(item.exposure, times[i]),
-                               single ? "" : item.image.lexically_relative(job_.input).string()});
+            const double time = deblurred.times[i];
+            output.add(
+                sharp,
+                {{},
+                 time,
+                 io::absolute_time(item->exposure, time),
+                 single ? "" : fs::path(item->image).lexically_relative(job_.input).string()});
         }
     }
 
@@ -233,10 +240,13 @@ private:
     io::Recording recording_;
     Console console_;
     size_t frames_ = 0;
+    Handover<LoadedExposure> loaded_{2};
+    Handover<Deblurred> deblurred_{1};
+    // From here on only the thread that computes.
     std::shared_ptr<Device> device_;
     std::optional<Deblur> deblur_;
-    PixelSize sensor_{};
-    int channels_ = 1;
+    std::vector<Deblurred> begun_; ///< the oldest first
+    size_t finished_ = 0;
 };
 
 } // namespace

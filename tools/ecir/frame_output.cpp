@@ -11,7 +11,10 @@ FrameOutput::FrameOutput(const std::filesystem::path& target, bool overwrite, si
                                                     : Kind::folder),
       output_(target, kind_ == Kind::folder, overwrite), expected_(frames), fps_(fps) {}
 
-void FrameOutput::start(const io::Image& first) {
+void FrameOutput::start(const io::Image& first, bool sources) {
+    if (kind_ == Kind::folder) {
+        list_ = std::make_unique<io::FramesCsv>(output_.path() / "frames.csv", sources);
+    }
     if (kind_ == Kind::video) {
         video_ = std::make_unique<io::VideoWriter>(output_.path(), first.width, first.height, fps_,
                                                    first.channels == 3);
@@ -27,13 +30,14 @@ void FrameOutput::start(const io::Image& first) {
 }
 
 void FrameOutput::add(const io::Image& frame, io::FrameTime time) {
-    if (times_.empty()) {
-        start(frame);
+    if (added_ == 0) {
+        start(frame, !time.source.empty());
     }
-    time.file = io::frame_name(times_.size());
+    time.file = io::frame_name(added_++);
     switch (kind_) {
     case Kind::folder:
         io::write_image(output_.path() / time.file, frame);
+        list_->add(time);
         break;
     case Kind::video:
         video_->write(frame);
@@ -42,12 +46,11 @@ void FrameOutput::add(const io::Image& frame, io::FrameTime time) {
         array_->add(frame.pixels);
         break;
     }
-    times_.push_back(std::move(time));
 }
 
 void FrameOutput::commit() {
     if (kind_ == Kind::folder) {
-        io::write_frames_csv(output_.path() / "frames.csv", times_);
+        list_->close();
     }
     if (kind_ == Kind::video) {
         video_->close();

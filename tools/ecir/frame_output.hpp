@@ -1,7 +1,6 @@
 #pragma once
 #include <filesystem>
 #include <memory>
-#include <vector>
 
 #include "tools/io/frames.hpp"
 #include "tools/io/image.hpp"
@@ -19,20 +18,21 @@ public:
     /// Throws Error(usage) for an existing target without `overwrite`.
     FrameOutput(const std::filesystem::path& target, bool overwrite, size_t frames, double fps);
 
-    /// The next frame; `time.file` is filled in here.
+    /// The next frame; `time.file` is filled in here. All frames have a source, or none.
     void add(const io::Image& frame, io::FrameTime time);
     /// Makes the output appear under its name.
     void commit();
 
 private:
-    void start(const io::Image& first);
+    void start(const io::Image& first, bool sources);
 
     enum class Kind { folder, video, npy };
     Kind kind_;
     io::PendingOutput output_;
     size_t expected_;
     double fps_;
-    std::vector<io::FrameTime> times_;
+    size_t added_ = 0;
+    std::unique_ptr<io::FramesCsv> list_;
     std::unique_ptr<io::VideoWriter> video_;
     std::unique_ptr<io::NpyWriter> array_;
 };

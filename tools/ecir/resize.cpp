@@ -19,7 +19,9 @@ PixelSize parse_size(const std::string& text) {
     return size;
 }
 
-io::Image resize_area(const io::Image& image, const PixelSize& size) {
+namespace {
+
+io::Image resize(const io::Image& image, const PixelSize& size, int interpolation) {
     io::Image result = image;
     result.width = size.width;
     result.height = size.height;
@@ -29,8 +31,18 @@ io::Image resize_area(const io::Image& image, const PixelSize& size) {
     // OpenCV takes no pointer to const for a matrix that it only reads.
     const cv::Mat from(image.height, image.width, type, const_cast<float*>(image.pixels.data()));
     cv::Mat to(size.height, size.width, type, result.pixels.data());
-    cv::resize(from, to, to.size(), 0, 0, cv::INTER_AREA);
+    cv::resize(from, to, to.size(), 0, 0, interpolation);
     return result;
+}
+
+} // namespace
+
+io::Image resize_area(const io::Image& image, const PixelSize& size) {
+    return resize(image, size, cv::INTER_AREA);
+}
+
+io::Image resize_cubic(const io::Image& image, const PixelSize& size) {
+    return resize(image, size, cv::INTER_CUBIC);
 }
 
 Events scale_events(const EventView& events, int width, int height, const PixelSize& size) {

@@ -1,13 +1,11 @@
-#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <memory>
 #include <nlohmann/json.hpp>
-#include <regex>
 
-#include "layers/operations.hpp"
 #include "runtime/error.hpp"
 #include "tools/ecir/commands.hpp"
+#include "tools/ecir/operation_choice.hpp"
 
 namespace ecir::cli {
 namespace {
@@ -18,23 +16,8 @@ struct Options {
     bool json = false;
 };
 
-std::regex pattern(const std::string& text) {
-    try {
-        return std::regex(text.empty() ? ".*" : text);
-    } catch (const std::regex_error&) {
-        throw Error(ExitCode::usage, "--op '" + text + "' is not a regular expression");
-    }
-}
-
 void run(const Options& options) {
-    const std::regex wanted = pattern(options.operation);
-    const auto chosen = [&](const Operation& operation) {
-        return std::regex_search(std::string(operation.name), wanted);
-    };
-    if (std::ranges::none_of(operations(), chosen)) {
-        throw Error(ExitCode::usage, "no operation matches --op '" + options.operation +
-                                         "'; ecir verify without it names all operations");
-    }
+    const auto chosen = choose_operations(options.operation);
     const auto device = Device::open(options.device);
     auto rows = nlohmann::json::array();
     size_t failed = 0;
@@ -42,24 +25,21 @@ void run(const Options& options) {
         std::printf("%s (%s, %s)\n", device->info().name.c_str(), device->info().type.c_str(),
                     device->info().driver.c_str());
     }
-    for (const Operation& operation : operations()) {
-        if (!chosen(operation)) {
-            continue;
-        }
-        for (uint32_t trial = 0; trial < operation.trials; ++trial) {
-            const TrialResult result = run_trial(operation, *device, trial);
+    for (const Operation* operation : chosen) {
+        for (uint32_t trial = 0; trial < operation->trials; ++trial) {
+            const TrialResult result = run_trial(*operation, *device, trial);
             failed += result.ok ? 0 : 1;
-            rows.push_back({{"name", operation.name},
+            rows.push_back({{"name", operation->name},
                             {"shape", result.shape},
                             {"error", std::isfinite(result.error) ? nlohmann::json(result.error)
                                                                   : nlohmann::json()},
-                            {"tolerance", operation.tolerance},
-                            {"reason", operation.reason},
+                            {"tolerance", operation->tolerance},
+                            {"reason", operation->reason},
                             {"ok", result.ok}});
             if (!options.json) {
                 std::printf("%-6s %-18s %-44s error %8.1e  tolerance %7.1e\n",
-                            result.ok ? "ok" : "FAILED", std::string(operation.name).c_str(),
-                            result.shape.c_str(), result.error, operation.tolerance);
+                            result.ok ? "ok" : "FAILED", std::string(operation->name).c_str(),
+                            result.shape.c_str(), result.error, operation->tolerance);
                 std::fflush(stdout);
             }
         }

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <new>
 #include <string>
 
 #include "runtime/error.hpp"
@@ -44,12 +45,12 @@ Format format_of(std::span<const uint8_t> start) {
 
 } // namespace
 
-EventFile read_events(const fs::path& path) {
+std::unique_ptr<EventStream> open_events(const fs::path& path) {
     switch (format_of(read_start(path, start_size))) {
     case Format::hdf5:
-        return read_hdf5_events(path);
+        return open_hdf5_events(path);
     case Format::text:
-        return read_text_events(path);
+        return open_text_events(path);
     case Format::unknown:
         break;
     }
@@ -57,6 +58,20 @@ EventFile read_events(const fs::path& path) {
                 path.string() +
                     ": not an events file: neither HDF5 nor text; convert the recording "
                     "to HDF5 (/events/t, x, y, p) or text (t x y p a line)");
+}
+
+EventFile read_events(const fs::path& path) {
+    const auto stream = open_events(path);
+    EventFile file{{}, stream->width(), stream->height()};
+    try {
+        while (stream->read(file.events)) {
+        }
+    } catch (const std::bad_alloc&) {
+        throw Error(ExitCode::resources, path.string() + ": not enough memory for more than " +
+                                             std::to_string(stream->position()) +
+                                             " events; cut the recording into parts");
+    }
+    return file;
 }
 
 bool holds_events(const fs::path& path) {
@@ -72,11 +87,12 @@ bool holds_events(const fs::path& path) {
     return false;
 }
 
-void check_inside(const EventView& events, int width, int height, const fs::path& path) {
+void check_inside(const EventView& events, int width, int height, const fs::path& path,
+                  size_t first) {
     for (size_t i = 0; i < events.size(); ++i) {
         if (events.x[i] >= width || events.y[i] >= height) {
             throw Error(ExitCode::bad_input,
-                        path.string() + ": event " + std::to_string(i) +
+                        path.string() + ": event " + std::to_string(first + i) +
                             " at x = " + std::to_string(events.x[i]) +
                             ", y = " + std::to_string(events.y[i]) + " lies outside the image of " +
                             std::to_string(width) + " x " + std::to_string(height) +

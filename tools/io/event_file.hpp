@@ -13,6 +13,12 @@ struct EventFile {
     std::optional<int> height;
 };
 
+/// Of the first and the last event, microseconds.
+struct TimeSpan {
+    int64_t first = 0;
+    int64_t last = 0;
+};
+
 /// Reads HDF5 (DSEC's layout) or text (`t x y p` a line, seconds), told apart by content.
 /// Checked: arrays of one length, times in order, p in {0, 1} (text: also {-1, 1}), numbers finite.
 /// Throws Error(bad_input) with file, the first offending index or line, and a remedy.
@@ -22,9 +28,10 @@ EventFile read_events(const std::filesystem::path& path);
 /// Throws Error(bad_input) when the file cannot be opened.
 bool holds_events(const std::filesystem::path& path);
 
-/// Throws Error(bad_input) naming the first event outside a width x height image.
-void check_inside(const EventView& events, int width, int height,
-                  const std::filesystem::path& path);
+/// Throws Error(bad_input) naming the first event outside a width x height image; `first` is the
+/// number in the file of the first of them.
+void check_inside(const EventView& events, int width, int height, const std::filesystem::path& path,
+                  size_t first = 0);
 
 /// Writes DSEC's layout with gzip and shuffle.
 /// Throws Error(resources) when the disk is full, Error(bad_input) when the folder cannot be

@@ -1,19 +1,13 @@
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <hdf5.h>
 #include <limits>
-#include <new>
 #include <optional>
-#include <stdexcept>
 #include <string>
-#include <type_traits>
-#include <utility>
 #include <vector>
 
 #include "runtime/error.hpp"
 #include "tools/io/event_formats.hpp"
-#include "tools/io/file.hpp"
+#include "tools/io/hdf5.hpp"
 
 namespace ecir::io {
 
@@ -21,54 +15,11 @@ namespace fs = std::filesystem;
 
 namespace {
 
-/// An HDF5 identifier, closed on leaving the scope by the function for its kind.
-class Id {
-public:
-    using Closer = herr_t (*)(hid_t);
-    Id(hid_t id, Closer closer) : id_(id), closer_(closer) {}
-    ~Id() { close(); }
-    Id(Id&& other) noexcept : id_(std::exchange(other.id_, -1)), closer_(other.closer_) {}
-    Id& operator=(Id&&) = delete;
-    [[nodiscard]] hid_t get() const { return id_; }
-    [[nodiscard]] bool valid() const { return id_ >= 0; }
-    bool close() {
-        const hid_t id = std::exchange(id_, -1);
-        return id < 0 || closer_(id) >= 0;
-    }
-
-private:
-    hid_t id_;
-    Closer closer_;
-};
-
-/// Keeps HDF5's error stack off stderr for the scope.
-class QuietErrors {
-public:
-    QuietErrors() {
-        H5Eget_auto2(H5E_DEFAULT, &function_, &data_);
-        H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);
-    }
-    ~QuietErrors() { H5Eset_auto2(H5E_DEFAULT, function_, data_); }
-    QuietErrors(const QuietErrors&) = delete;
-    QuietErrors& operator=(const QuietErrors&) = delete;
-
-private:
-    H5E_auto2_t function_ = nullptr;
-    void* data_ = nullptr;
-};
-
-[[noreturn]] void fail(const fs::path& path, const std::string& what, const std::string& remedy) {
-    throw Error(ExitCode::bad_input, path.string() + ": " + what + "; " + remedy);
-}
-
 constexpr const char* layout_remedy =
     "store /events/t (integer microseconds), x, y and p (0 or 1), as DSEC does";
 
-Id open_file(const fs::path& path) {
-    const Id access(H5Pcreate(H5P_FILE_ACCESS), H5Pclose);
-    // Without locks, which read-only and network file systems refuse.
-    H5Pset_file_locking(access.get(), false, true);
-    return {H5Fopen(path.c_str(), H5F_ACC_RDONLY, access.get()), H5Fclose};
+[[noreturn]] void fail(const fs::path& path, const std::string& what, const std::string& remedy) {
+    throw Error(ExitCode::bad_input, path.string() + ": " + what + "; " + remedy);
 }
 
 bool has(const Id& file, const std::string& group, const char* name) {
@@ -85,286 +36,258 @@ std::optional<std::string> find_group(const Id& file) {
     return std::nullopt;
 }
 
-/// What is missing when a dataset's filters are not all here, or "".
-std::string missing_filter(hid_t dataset) {
-    const Id list(H5Dget_create_plist(dataset), H5Pclose);
-    const int count = list.valid() ? H5Pget_nfilters(list.get()) : 0;
-    for (int i = 0; i < count; ++i) {
-        unsigned flags = 0;
-        unsigned config = 0;
-        size_t parameters = 0;
-        std::array<char, 80> name{};
-        const H5Z_filter_t id =
-            H5Pget_filter2(list.get(), static_cast<unsigned>(i), &flags, &parameters, nullptr,
-                           name.size() - 1, name.data(), &config);
-        if (id < 0 || H5Zfilter_avail(id) > 0) {
-            continue;
-        }
-        const bool blosc = id == 32001;
-        return std::string("is compressed with ") + (blosc ? "Blosc" : name.data()) +
-               " (HDF5 filter " + std::to_string(id) + "), whose plugin is not installed; " +
-               (blosc ? "install it (Debian: hdf5-filter-plugin-blosc-serial)" : "install it") +
-               " or set HDF5_PLUGIN_PATH to its folder, or repack the file with gzip (h5repack)";
+Id open_checked(const fs::path& path) {
+    Id file = open_hdf5(path);
+    if (!file.valid()) {
+        fail(path, "HDF5 cannot open it: truncated or damaged", "copy the file again");
     }
-    return "";
+    return file;
 }
 
-/// A one-dimensional dataset (or a scalar, of one element) read block by block.
-class Column {
-public:
-    Column(const fs::path& path, const Id& file, std::string name)
-        : path_(path), name_(std::move(name)),
-          dataset_(H5Dopen2(file.get(), name_.c_str(), H5P_DEFAULT), H5Dclose) {
-        if (!dataset_.valid()) {
-            fail("is not there or not a dataset", layout_remedy);
-        }
-        const Id space(H5Dget_space(dataset_.get()), H5Sclose);
-        const int rank = H5Sget_simple_extent_ndims(space.get());
-        const hssize_t count = H5Sget_simple_extent_npoints(space.get());
-        if (rank < 0 || rank > 1 || count < 0) {
-            fail("is not one-dimensional", layout_remedy);
-        }
-        size_ = static_cast<size_t>(count);
-        scalar_ = rank == 0;
-        const Id type(H5Dget_type(dataset_.get()), H5Tclose);
-        class_ = H5Tget_class(type.get());
-        set_block();
+std::string group_of(const fs::path& path, const Id& file) {
+    const auto group = find_group(file);
+    if (!group) {
+        fail(path, "has no /events/t", layout_remedy);
     }
-
-    [[nodiscard]] size_t size() const { return size_; }
-    [[nodiscard]] bool floating() const { return class_ == H5T_FLOAT; }
-    /// h5py stores booleans as an enumeration.
-    [[nodiscard]] bool integral() const { return class_ == H5T_INTEGER || class_ == H5T_ENUM; }
-
-    /// Calls take(index, value) for every element, in order.
-    template <class Value, class Take> void each(Take take) const {
-        const hid_t memory_type =
-            std::is_same_v<Value, double> ? H5T_NATIVE_DOUBLE : H5T_NATIVE_INT64;
-        std::vector<Value> buffer(std::min(block_, size_));
-        for (size_t first = 0; first < size_; first += buffer.size()) {
-            const hsize_t start = first;
-            const hsize_t count = std::min(buffer.size(), size_ - first);
-            const Id space(H5Dget_space(dataset_.get()), H5Sclose);
-            const Id memory(H5Screate_simple(1, &count, nullptr), H5Sclose);
-            const bool chosen = scalar_ || H5Sselect_hyperslab(space.get(), H5S_SELECT_SET, &start,
-                                                               nullptr, &count, nullptr) >= 0;
-            if (!chosen || H5Dread(dataset_.get(), memory_type, memory.get(), space.get(),
-                                   H5P_DEFAULT, buffer.data()) < 0) {
-                fail_read(first);
-            }
-            for (size_t i = 0; i < count; ++i) {
-                take(first + i, buffer[i]);
-            }
-        }
-    }
-
-    [[noreturn]] void fail(const std::string& what, const std::string& remedy) const {
-        io::fail(path_, name_ + " " + what, remedy);
-    }
-    [[noreturn]] void fail_at(size_t index, const std::string& value,
-                              const std::string& what) const {
-        fail("is " + value + " at event " + std::to_string(index) + ", " + what, layout_remedy);
-    }
-
-private:
-    /// Whole chunks at a time: a chunk beyond HDF5's cache is unpacked for each read it is part of.
-    void set_block() {
-        constexpr hsize_t usual = hsize_t{1} << 18U;
-        const Id list(H5Dget_create_plist(dataset_.get()), H5Pclose);
-        hsize_t chunk = 1;
-        if (H5Pget_layout(list.get()) == H5D_CHUNKED && H5Pget_chunk(list.get(), 1, &chunk) == 1 &&
-            chunk > 0) {
-            block_ = chunk * std::max(usual / chunk, hsize_t{1});
-        } else {
-            block_ = usual;
-        }
-    }
-
-    [[noreturn]] void fail_read(size_t first) const {
-        const std::string missing = missing_filter(dataset_.get());
-        if (!missing.empty()) {
-            throw Error(ExitCode::bad_input, path_.string() + ": " + name_ + " " + missing);
-        }
-        fail("cannot be read from element " + std::to_string(first) + " on",
-             "the file is damaged or truncated: copy it again");
-    }
-
-    const fs::path& path_;
-    std::string name_;
-    Id dataset_;
-    size_t size_ = 0;
-    size_t block_ = 0;
-    bool scalar_ = false;
-    H5T_class_t class_ = H5T_NO_CLASS;
-};
-
-template <class Stored>
-std::vector<Stored> read_small(const Column& column, int64_t most, const char* range) {
-    if (!column.integral()) {
-        column.fail("is not of an integer type", layout_remedy);
-    }
-    std::vector<Stored> values(column.size());
-    column.each<int64_t>([&](size_t i, int64_t value) {
-        if (value < 0 || value > most) {
-            column.fail_at(i, std::to_string(value), range);
-        }
-        values[i] = static_cast<Stored>(value);
-    });
-    return values;
+    return *group;
 }
 
 int64_t read_offset(const fs::path& path, const Id& file) {
     if (H5Lexists(file.get(), "/t_offset", H5P_DEFAULT) <= 0) {
         return 0;
     }
-    const Column column(path, file, "/t_offset");
+    const Column column(path, file, "/t_offset", layout_remedy);
     if (column.size() != 1 || !column.integral()) {
         column.fail("is not a single integer", "store it as one integer of microseconds");
     }
     int64_t offset = 0;
-    column.each<int64_t>([&](size_t, int64_t value) { offset = value; });
+    column.read(0, std::span(&offset, 1));
     if (offset > max_event_time || offset < -max_event_time) {
         column.fail("is too large", "store it as one integer of microseconds");
     }
     return offset;
 }
 
-std::vector<int64_t> read_times(const fs::path& path, const Column& column, int64_t offset,
-                                bool seconds) {
-    std::vector<int64_t> times(column.size());
-    const auto take = [&](size_t i, int64_t time) {
-        if (time > max_event_time || time < -max_event_time) {
-            column.fail_at(i, std::to_string(time), "which is too large for microseconds");
+/// Whole blocks of chunks are read at a time. Of the blocks passed so far the first times are kept,
+/// so that going back needs no search through the file.
+class Hdf5Events final : public EventStream {
+public:
+    explicit Hdf5Events(const fs::path& path)
+        : path_(path), file_(open_checked(path)), group_(group_of(path, file_)), t_(column("/t")),
+          x_(column("/x")), y_(column("/y")), p_(column("/p")),
+          seconds_(t_.floating() && group_ == "/raw_events"), offset_(read_offset(path, file_)),
+          block_(std::max({t_.block(), x_.block(), y_.block(), p_.block()})) {
+        if (!seconds_ && !t_.integral()) {
+            t_.fail("is not of an integer type, so its unit is unclear", layout_remedy);
         }
-        times[i] = time + offset;
-        if (i > 0 && times[i] < times[i - 1]) {
-            fail_unsorted(path, "event " + std::to_string(i), times[i - 1], times[i]);
-        }
-    };
-    if (seconds) {
-        column.each<double>([&](size_t i, double value) {
-            const double microseconds = value * 1e6;
-            // Written so that NaN fails.
-            if (!(std::abs(microseconds) <= static_cast<double>(max_event_time))) {
-                column.fail_at(i, std::to_string(value), "which is not a time in seconds");
+        for (const Column* other : {&x_, &y_, &p_}) {
+            if (!other->integral()) {
+                other->fail("is not of an integer type", layout_remedy);
             }
-            take(i, std::llround(microseconds));
-        });
-    } else {
-        column.each<int64_t>(take);
+            if (other->size() != t_.size()) {
+                fail(path_,
+                     group_ + " has " + std::to_string(t_.size()) + " t, " +
+                         std::to_string(x_.size()) + " x, " + std::to_string(y_.size()) +
+                         " y and " + std::to_string(p_.size()) + " p",
+                     "the arrays must have one length: write the file again");
+            }
+        }
     }
-    return times;
-}
 
-EventFile read_group(const fs::path& path, const Id& file, const std::string& group) {
-    const Column t(path, file, group + "/t");
-    const Column x(path, file, group + "/x");
-    const Column y(path, file, group + "/y");
-    const Column p(path, file, group + "/p");
-    const bool seconds = t.floating() && group == "/raw_events";
-    if (!seconds && !t.integral()) {
-        t.fail("is not of an integer type, so its unit is unclear", layout_remedy);
-    }
-    if (x.size() != t.size() || y.size() != t.size() || p.size() != t.size()) {
-        fail(path,
-             group + " has " + std::to_string(t.size()) + " t, " + std::to_string(x.size()) +
-                 " x, " + std::to_string(y.size()) + " y and " + std::to_string(p.size()) + " p",
-             "the arrays must have one length: write the file again");
-    }
-    EventFile result;
-    try {
+    bool read(Events& out) override {
+        const QuietErrors quiet;
+        if (next_ == blocks()) {
+            return false;
+        }
+        load(next_);
         constexpr int64_t most = std::numeric_limits<uint16_t>::max();
-        result.events.t = read_times(path, t, read_offset(path, file), seconds);
-        result.events.x = read_small<uint16_t>(x, most, "not from 0 to 65535");
-        result.events.y = read_small<uint16_t>(y, most, "not from 0 to 65535");
-        result.events.p = read_small<uint8_t>(p, 1, "neither 0 nor 1");
-    } catch (const std::bad_alloc&) {
-        throw Error(ExitCode::resources, path.string() + ": not enough memory for " +
-                                             std::to_string(t.size()) +
-                                             " events; cut the recording into parts");
-    } catch (const std::length_error&) {
-        t.fail("has an impossible length of " + std::to_string(t.size()),
-               "the file is damaged: copy it again");
+        append(x_, out.x, most, "not from 0 to 65535");
+        append(y_, out.y, most, "not from 0 to 65535");
+        append(p_, out.p, 1, "neither 0 nor 1");
+        out.t.insert(out.t.end(), times_.begin(), times_.end());
+        ++next_;
+        return true;
     }
-    return result;
-}
 
-void write_column(const Id& file, const char* name, hid_t file_type, hid_t memory_type,
-                  const void* data, hsize_t count) {
-    constexpr hsize_t chunk = 65536;
-    constexpr unsigned gzip_level = 4;
-    const hsize_t unlimited = H5S_UNLIMITED; // a fixed size must not be below a chunk
-    const Id space(H5Screate_simple(1, &count, &unlimited), H5Sclose);
-    const Id list(H5Pcreate(H5P_DATASET_CREATE), H5Pclose);
-    H5Pset_chunk(list.get(), 1, &chunk);
-    H5Pset_shuffle(list.get());
-    H5Pset_deflate(list.get(), gzip_level);
-    const Id dataset(
-        H5Dcreate2(file.get(), name, file_type, space.get(), H5P_DEFAULT, list.get(), H5P_DEFAULT),
-        H5Dclose);
-    if (!dataset.valid() || (count > 0 && H5Dwrite(dataset.get(), memory_type, H5S_ALL, H5S_ALL,
-                                                   H5P_DEFAULT, data) < 0)) {
-        throw std::bad_alloc();
-    }
-}
+    [[nodiscard]] size_t position() const override { return std::min(next_ * block_, t_.size()); }
 
-/// The file as bytes. HDF5 gets to write to memory only: its own answer to a full disk is an
-/// identifier that can neither be used nor closed.
-std::vector<uint8_t> make_file(const EventView& events) {
-    const Id access(H5Pcreate(H5P_FILE_ACCESS), H5Pclose);
-    H5Pset_fapl_core(access.get(), size_t{1} << 24U, false);
-    const Id file(H5Fcreate("events.h5", H5F_ACC_TRUNC, H5P_DEFAULT, access.get()), H5Fclose);
-    const Id group(H5Gcreate2(file.get(), "/events", H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT),
-                   H5Gclose);
-    if (!group.valid()) {
-        throw std::bad_alloc();
+    void seek(int64_t time) override {
+        const QuietErrors quiet;
+        if (!starts_.empty() && base_ > 0 && time <= starts_.front()) { // before what jump() found
+            starts_.clear();
+            base_ = 0;
+            held_ = SIZE_MAX;
+        }
+        if (!starts_.empty() && time <= last_) {
+            const auto later = std::ranges::lower_bound(starts_, time) - starts_.begin();
+            next_ = base_ + static_cast<size_t>(std::max(later - 1, std::ptrdiff_t{0}));
+            return;
+        }
+        for (next_ = passed(); next_ < blocks(); ++next_) {
+            load(next_);
+            if (last_ >= time) {
+                break;
+            }
+        }
     }
-    const hsize_t count = events.size();
-    write_column(file, "/events/t", H5T_STD_I64LE, H5T_NATIVE_INT64, events.t.data(), count);
-    write_column(file, "/events/x", H5T_STD_U16LE, H5T_NATIVE_UINT16, events.x.data(), count);
-    write_column(file, "/events/y", H5T_STD_U16LE, H5T_NATIVE_UINT16, events.y.data(), count);
-    write_column(file, "/events/p", H5T_STD_U8LE, H5T_NATIVE_UINT8, events.p.data(), count);
-    H5Fflush(file.get(), H5F_SCOPE_LOCAL);
-    const ssize_t size = H5Fget_file_image(file.get(), nullptr, 0);
-    std::vector<uint8_t> bytes(size > 0 ? static_cast<size_t>(size) : 0);
-    if (size <= 0 || H5Fget_file_image(file.get(), bytes.data(), bytes.size()) != size) {
-        throw std::bad_alloc();
+
+    void jump(int64_t time) override {
+        const QuietErrors quiet;
+        if (t_.size() == 0) {
+            return;
+        }
+        // The last block that starts before `time`, or the first one; what lies around every probe
+        // bounds it.
+        struct Probe {
+            size_t block;
+            size_t event;
+            int64_t time;
+        };
+        Probe low{0, 0, time_at(0)};
+        Probe high{blocks(), t_.size() - 1, time_at(t_.size() - 1)};
+        while (low.time < time && high.block - low.block > 1) {
+            const size_t block = low.block + (high.block - low.block) / 2;
+            const Probe middle{block, block * block_, time_at(block * block_)};
+            check_order(low.time, middle.event, middle.time);
+            check_order(middle.time, high.event, high.time);
+            (middle.time < time ? low : high) = middle;
+        }
+        starts_.clear();
+        held_ = SIZE_MAX;
+        base_ = next_ = low.block;
     }
-    return bytes;
-}
+
+    void finish() override {
+        const QuietErrors quiet;
+        while (passed() < blocks()) {
+            load(passed());
+        }
+    }
+
+    std::optional<TimeSpan> span() override {
+        const QuietErrors quiet;
+        if (t_.size() == 0) {
+            return std::nullopt;
+        }
+        const TimeSpan span{time_at(0), time_at(t_.size() - 1)};
+        if (span.last < span.first) {
+            finish(); // finds the first place where times go back
+        }
+        return span;
+    }
+
+private:
+    [[nodiscard]] Column column(const char* name) const {
+        return {path_, file_, group_ + name, layout_remedy};
+    }
+    [[nodiscard]] size_t blocks() const { return (t_.size() + block_ - 1) / block_; }
+    /// The first block of those behind what was passed.
+    [[nodiscard]] size_t passed() const { return base_ + starts_.size(); }
+
+    void check_order(int64_t before, size_t event, int64_t time) const {
+        if (time < before) {
+            fail_unsorted(path_, "event " + std::to_string(event), before, time);
+        }
+    }
+
+    [[nodiscard]] int64_t time_at(size_t event) const {
+        std::vector<int64_t> time(1);
+        read_times(event, time);
+        return time.front();
+    }
+
+    /// Microseconds of the events from `first` on.
+    void read_times(size_t first, std::vector<int64_t>& times) const {
+        if (seconds_) {
+            std::vector<double> values(times.size());
+            t_.read(first, std::span(values));
+            for (size_t i = 0; i < values.size(); ++i) {
+                const double microseconds = values[i] * 1e6;
+                // Written so that NaN fails.
+                if (!(std::abs(microseconds) <= static_cast<double>(max_event_time))) {
+                    t_.fail_at(first + i, std::to_string(values[i]),
+                               "which is not a time in seconds");
+                }
+                times[i] = std::llround(microseconds);
+            }
+        } else {
+            t_.read(first, std::span(times));
+        }
+        for (size_t i = 0; i < times.size(); ++i) {
+            if (times[i] > max_event_time || times[i] < -max_event_time) {
+                t_.fail_at(first + i, std::to_string(times[i]),
+                           "which is too large for microseconds");
+            }
+            times[i] += offset_;
+        }
+    }
+
+    /// Brings a block's times into times_: one that was passed, or the next one.
+    void load(size_t block) {
+        if (held_ == block) {
+            return;
+        }
+        held_ = SIZE_MAX;
+        const size_t first = block * block_;
+        times_.resize(std::min(block_, t_.size() - first));
+        read_times(first, times_);
+        const bool fresh = block == passed();
+        int64_t before = fresh && !starts_.empty() ? last_ : times_.front();
+        for (size_t i = 0; i < times_.size(); ++i) {
+            check_order(before, first + i, times_[i]);
+            before = times_[i];
+        }
+        if (fresh) {
+            starts_.push_back(times_.front());
+            last_ = times_.back();
+        }
+        held_ = block;
+    }
+
+    /// The block's values of a column, behind what `out` has.
+    template <class Stored>
+    void append(const Column& column, std::vector<Stored>& out, int64_t most, const char* range) {
+        const size_t first = next_ * block_;
+        values_.resize(times_.size());
+        column.read(first, std::span(values_));
+        for (size_t i = 0; i < values_.size(); ++i) {
+            if (values_[i] < 0 || values_[i] > most) {
+                column.fail_at(first + i, std::to_string(values_[i]), range);
+            }
+            out.push_back(static_cast<Stored>(values_[i]));
+        }
+    }
+
+    fs::path path_;
+    Id file_;
+    std::string group_;
+    Column t_;
+    Column x_;
+    Column y_;
+    Column p_;
+    bool seconds_;
+    int64_t offset_;
+    size_t block_;                ///< events
+    size_t next_ = 0;             ///< the block that read() gives
+    size_t base_ = 0;             ///< where passing began
+    std::vector<int64_t> starts_; ///< first times of the blocks passed, base_, base_ + 1, ...
+    int64_t last_ = 0;            ///< time of the last event passed
+    size_t held_ = SIZE_MAX;      ///< the block whose times are in times_
+    std::vector<int64_t> times_;
+    std::vector<int64_t> values_;
+};
 
 } // namespace
 
 bool hdf5_holds_events(const fs::path& path) {
     const QuietErrors quiet;
-    const Id file = open_file(path);
+    const Id file = open_hdf5(path);
     return !file.valid() || find_group(file).has_value();
 }
 
-EventFile read_hdf5_events(const fs::path& path) {
+std::unique_ptr<EventStream> open_hdf5_events(const fs::path& path) {
     const QuietErrors quiet;
-    const Id file = open_file(path);
-    if (!file.valid()) {
-        fail(path, "HDF5 cannot open it: truncated or damaged", "copy the file again");
-    }
-    const auto group = find_group(file);
-    if (!group) {
-        fail(path, "has no /events/t", layout_remedy);
-    }
-    return read_group(path, file, *group);
-}
-
-void write_events(const fs::path& path, const EventView& events) {
-    const QuietErrors quiet;
-    std::vector<uint8_t> bytes;
-    try {
-        bytes = make_file(events);
-    } catch (const std::bad_alloc&) {
-        throw Error(ExitCode::resources, path.string() + ": not enough memory to pack " +
-                                             std::to_string(events.size()) +
-                                             " events; write fewer at a time");
-    }
-    write_file(path, {bytes});
+    return std::make_unique<Hdf5Events>(path);
 }
 
 } // namespace ecir::io

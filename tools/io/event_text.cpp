@@ -5,12 +5,14 @@
 #include <cstring>
 #include <limits>
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <utility>
 #include <vector>
 
 #include "runtime/error.hpp"
+#include "tools/io/decimal.hpp"
 #include "tools/io/event_formats.hpp"
 #include "tools/io/file.hpp"
 
@@ -22,92 +24,6 @@ namespace {
 
 constexpr int max_coordinate = std::numeric_limits<uint16_t>::max();
 constexpr const char* line_form = "a line is `t x y p`: seconds, column, row, 0 or 1";
-
-bool is_digit(char c) {
-    return c >= '0' && c <= '9';
-}
-
-/// A decimal number as it is written: (-1)^negative x digits x 10^exponent, `rest` if nonzero
-/// digits did not fit. Kept in integers, since a double has no microseconds left at 1e10 seconds.
-struct Decimal {
-    bool negative = false;
-    bool rest = false;
-    uint64_t digits = 0;
-    int exponent = 0;
-};
-
-/// Parses all of `word`; false if it is not a finite decimal number.
-bool parse_decimal(std::string_view word, Decimal& number) {
-    constexpr uint64_t room = (std::numeric_limits<uint64_t>::max() - 9) / 10;
-    const char* at = word.data();
-    const char* const end = at + word.size();
-    number.negative = at != end && *at == '-';
-    at += at != end && (*at == '-' || *at == '+') ? 1 : 0;
-    bool any = false;
-    int point = 0; // 1 behind the decimal point
-    for (; at != end && (is_digit(*at) || (*at == '.' && point == 0)); ++at) {
-        if (*at == '.') {
-            point = 1;
-            continue;
-        }
-        any = true;
-        const auto digit = static_cast<uint64_t>(*at - '0');
-        if (number.digits <= room) {
-            number.digits = number.digits * 10 + digit;
-            number.exponent -= point;
-        } else {
-            number.rest = number.rest || digit != 0;
-            number.exponent += 1 - point;
-        }
-    }
-    if (any && at != end && (*at == 'e' || *at == 'E')) {
-        ++at;
-        const bool down = at != end && *at == '-';
-        at += at != end && (*at == '-' || *at == '+') ? 1 : 0;
-        any = at != end;
-        int exponent = 0;
-        for (; at != end && is_digit(*at); ++at) {
-            exponent = exponent < 10000 ? exponent * 10 + (*at - '0') : exponent;
-        }
-        number.exponent += down ? -exponent : exponent;
-    }
-    return any && at == end;
-}
-
-enum class Fit { exact, rounded, too_large };
-
-/// number x 10^scale to the nearest integer, halves away from zero.
-Fit to_integer(const Decimal& number, int scale, int64_t& value) {
-    int shift = number.exponent + scale;
-    uint64_t whole = number.digits;
-    bool exact = !number.rest;
-    if (whole == 0) {
-        shift = 0;
-    }
-    for (; shift > 0; --shift) {
-        if (__builtin_mul_overflow(whole, uint64_t{10}, &whole)) {
-            return Fit::too_large;
-        }
-    }
-    if (shift < -19) { // less than the 20 digits there can be
-        exact = whole == 0;
-        whole = 0;
-    } else if (shift < 0) {
-        uint64_t divisor = 1;
-        for (; shift < 0; ++shift) {
-            divisor *= 10;
-        }
-        const uint64_t left = whole % divisor;
-        whole /= divisor;
-        exact = exact && left == 0;
-        whole += left >= divisor - left ? 1 : 0;
-    }
-    if (whole > static_cast<uint64_t>(max_event_time)) {
-        return Fit::too_large;
-    }
-    value = number.negative ? -static_cast<int64_t>(whole) : static_cast<int64_t>(whole);
-    return exact ? Fit::exact : Fit::rounded;
-}
 
 constexpr size_t max_words = 5; // one more than a line may have
 
@@ -133,65 +49,82 @@ size_t split(std::string_view line, std::array<std::string_view, max_words>& wor
     return count;
 }
 
+/// Where a line begins, and what the lines before it decide.
+struct Place {
+    long offset = 0;                                    ///< bytes
+    size_t lines = 0;                                   ///< before it
+    size_t events = 0;                                  ///< before it
+    int64_t last = std::numeric_limits<int64_t>::min(); ///< time of the last event before it
+    int64_t negative = 1; ///< what stands for darker, 0 or -1; 1 while unknown
+    bool first = true;    ///< whether the sensor's size may come
+};
+
+/// Takes line after line.
 class TextParser {
 public:
     explicit TextParser(const fs::path& path) : path_(path) {}
 
-    void line(std::string_view text) {
-        ++number_;
+    [[nodiscard]] const Place& place() const { return place_; }
+    void go(const Place& place) { place_ = place; }
+    [[nodiscard]] std::optional<int> width() const { return width_; }
+    [[nodiscard]] std::optional<int> height() const { return height_; }
+
+    /// `bytes`: of the line with its end. An event goes to `out`.
+    void line(std::string_view text, size_t bytes, Events& out) {
+        ++place_.lines;
         std::array<std::string_view, max_words> words;
         const size_t count = split(text, words);
+        place_.offset += static_cast<long>(bytes);
         if (count == 0 || words[0].starts_with('#')) {
             return;
         }
-        if (count == 2 && first_) {
-            file_.width = static_cast<int>(integer(words[0], "width", 1, max_coordinate + 1));
-            file_.height = static_cast<int>(integer(words[1], "height", 1, max_coordinate + 1));
+        if (count == 2 && place_.first) {
+            width_ = static_cast<int>(integer(words[0], "width", 1, max_coordinate + 1));
+            height_ = static_cast<int>(integer(words[1], "height", 1, max_coordinate + 1));
         } else if (count == 4) {
-            event(words);
+            event(words, out);
         } else {
             fail("has " + std::string(count == max_words ? "more than 4" : std::to_string(count)) +
                      (count == 1 ? " column" : " columns"),
                  line_form);
         }
-        first_ = false;
+        place_.first = false;
     }
 
-    EventFile take() { return std::move(file_); }
-
     [[noreturn]] void fail(const std::string& what, const std::string& remedy) const {
-        throw Error(ExitCode::bad_input, path_.string() + ": line " + std::to_string(number_) +
+        throw Error(ExitCode::bad_input, path_.string() + ": line " + std::to_string(place_.lines) +
                                              " " + what + "; " + remedy);
     }
 
 private:
-    void event(const std::array<std::string_view, max_words>& words) {
+    void event(const std::array<std::string_view, max_words>& words, Events& out) {
         const int64_t t = time(words[0]);
         const int64_t x = integer(words[1], "x", 0, max_coordinate);
         const int64_t y = integer(words[2], "y", 0, max_coordinate);
         const int64_t p = integer(words[3], "polarity", -1, 1);
         if (p != 1) {
-            if (negative_ != 1 && negative_ != p) {
+            if (place_.negative != 1 && place_.negative != p) {
                 fail("has polarity " + std::to_string(p) + ", a line before it had " +
-                         std::to_string(negative_),
+                         std::to_string(place_.negative),
                      "use either 0 and 1 or -1 and 1");
             }
-            negative_ = p;
+            place_.negative = p;
         }
-        if (file_.events.size() > 0 && t < file_.events.t.back()) {
-            fail_unsorted(path_, "line " + std::to_string(number_), file_.events.t.back(), t);
+        if (t < place_.last) {
+            fail_unsorted(path_, "line " + std::to_string(place_.lines), place_.last, t);
         }
-        file_.events.push_back(t, static_cast<uint16_t>(x), static_cast<uint16_t>(y),
-                               p == 1 ? 1 : 0);
+        out.push_back(t, static_cast<uint16_t>(x), static_cast<uint16_t>(y), p == 1 ? 1 : 0);
+        place_.last = t;
+        ++place_.events;
     }
 
-    int64_t time(std::string_view word) const {
+    [[nodiscard]] int64_t time(std::string_view word) const {
         Decimal number;
         int64_t microseconds = 0;
         if (!parse_decimal(word, number)) {
             fail("has the time '" + shown(word) + "', which is not a finite number", line_form);
         }
-        if (to_integer(number, 6, microseconds) == Fit::too_large) {
+        if (to_integer(number, 6, max_event_time, microseconds) == Fit::too_large) {
             fail("has the time '" + shown(word) + "', which is too large",
                  "times are in seconds, not in smaller units");
         }
@@ -206,7 +139,8 @@ private:
                      "', which is not a finite number",
                  line_form);
         }
-        if (to_integer(number, 0, value) != Fit::exact || value < least || value > most) {
+        if (to_integer(number, 0, max_event_time, value) != Fit::exact || value < least ||
+            value > most) {
             fail("has the " + std::string(name) + " '" + shown(word) +
                      "', which is not an integer from " + std::to_string(least) + " to " +
                      std::to_string(most),
@@ -225,10 +159,170 @@ private:
     }
 
     const fs::path& path_;
-    EventFile file_;
-    size_t number_ = 0;
-    bool first_ = true;
-    int64_t negative_ = 1; ///< what stands for darker, 0 or -1; 1 while unknown
+    Place place_;
+    std::optional<int> width_;
+    std::optional<int> height_;
+};
+
+/// The time of the last line that is an event's, if there is one.
+std::optional<int64_t> last_time(std::string_view text) {
+    while (!text.empty()) {
+        const size_t newline = text.substr(0, text.size() - 1).rfind('\n');
+        const size_t start = newline == std::string_view::npos ? 0 : newline + 1;
+        std::array<std::string_view, max_words> words;
+        Decimal number;
+        int64_t time = 0;
+        if (split(text.substr(start, text.find('\n', start) - start), words) == 4 &&
+            parse_decimal(words[0], number) &&
+            to_integer(number, 6, max_event_time, time) != Fit::too_large) {
+            return time;
+        }
+        text = text.substr(0, start);
+    }
+    return std::nullopt;
+}
+
+class TextEvents final : public EventStream {
+public:
+    explicit TextEvents(fs::path path)
+        : path_(std::move(path)), file_(std::fopen(path_.c_str(), "rbe")), parser_(path_),
+          block_(size_t{1} << 20U) {
+        if (!file_) {
+            throw system_error(errno, path_, "cannot open");
+        }
+        // On to the first event, before which the sensor's size would stand.
+        Events events;
+        while (events.size() == 0 && read(events)) {
+        }
+        if (parser_.place().lines == 0) {
+            throw Error(ExitCode::bad_input,
+                        path_.string() + ": the file is empty; copy or record it again");
+        }
+        if (events.size() > 0) {
+            first_ = events.t.front();
+        }
+        go({});
+    }
+
+    bool read(Events& out) override {
+        if (ended_) {
+            return false;
+        }
+        mark();
+        const size_t got = std::fread(block_.data() + kept_, 1, block_.size() - kept_, file_.get());
+        ended_ = got == 0;
+        if (ended_ && std::ferror(file_.get()) != 0) {
+            throw system_error(errno, path_, "cannot read");
+        }
+        std::string_view rest(block_.data(), kept_ + got);
+        for (size_t end = 0; (end = rest.find('\n')) != std::string_view::npos;) {
+            parser_.line(rest.substr(0, end), end + 1, out);
+            rest.remove_prefix(end + 1);
+        }
+        if (ended_ && !rest.empty()) {
+            parser_.line(rest, rest.size(), out);
+            rest = {};
+        } else if (rest.size() == block_.size()) {
+            parser_.fail("is followed by one of more than a million characters", line_form);
+        }
+        // A line that the block ends in is moved to the front.
+        kept_ = rest.size();
+        std::memmove(block_.data(), rest.data(), kept_);
+        return !ended_;
+    }
+
+    [[nodiscard]] size_t position() const override { return parser_.place().events; }
+
+    void seek(int64_t time) override {
+        const auto later = std::ranges::lower_bound(marks_, time, {}, &Place::last);
+        const Place best = later == marks_.begin() ? Place{} : *std::prev(later);
+        if (parser_.place().last >= time || parser_.place().offset < best.offset) {
+            go(best);
+        }
+    }
+
+    void jump(int64_t time) override { seek(time); }
+
+    void finish() override {
+        Events passed;
+        while (read(passed)) {
+            passed = {};
+        }
+    }
+
+    std::optional<TimeSpan> span() override {
+        if (!first_) {
+            return std::nullopt;
+        }
+        std::optional<int64_t> last = last_time(tail());
+        go({});
+        if (!last || *last < *first_) {
+            finish(); // finds the last event, or the first place where times go back
+            last = parser_.place().last;
+        }
+        go({});
+        return TimeSpan{*first_, *last};
+    }
+
+    [[nodiscard]] std::optional<int> width() const override { return parser_.width(); }
+    [[nodiscard]] std::optional<int> height() const override { return parser_.height(); }
+
+private:
+    struct Close {
+        void operator()(std::FILE* file) const { (void)std::fclose(file); }
+    };
+
+    /// Remembers where a block begins, for going back: few places, whatever the file's length.
+    void mark() {
+        constexpr size_t most = 1024;
+        const Place& place = parser_.place();
+        if (!marks_.empty() && place.offset < marks_.back().offset + spacing_) {
+            return;
+        }
+        if (marks_.size() == most) {
+            for (size_t i = 0; i < most / 2; ++i) {
+                marks_[i] = marks_[2 * i];
+            }
+            marks_.resize(most / 2);
+            spacing_ *= 2;
+        }
+        marks_.push_back(place);
+    }
+
+    void go(const Place& place) {
+        if (std::fseek(file_.get(), place.offset, SEEK_SET) != 0) {
+            throw system_error(errno, path_, "cannot read");
+        }
+        parser_.go(place);
+        kept_ = 0;
+        ended_ = false;
+    }
+
+    /// The file's last bytes, from a line's start on where there is one.
+    std::string tail() {
+        constexpr long most = 1L << 16U;
+        if (std::fseek(file_.get(), 0, SEEK_END) != 0) {
+            throw system_error(errno, path_, "cannot read");
+        }
+        const long size = std::ftell(file_.get());
+        const long start = std::max(size - most, 0L);
+        std::string text(static_cast<size_t>(size - start), '\0');
+        if (std::fseek(file_.get(), start, SEEK_SET) != 0 ||
+            std::fread(text.data(), 1, text.size(), file_.get()) != text.size()) {
+            throw system_error(errno, path_, "cannot read");
+        }
+        return start == 0 ? text : text.substr(std::min(text.find('\n'), text.size()));
+    }
+
+    fs::path path_;
+    std::unique_ptr<std::FILE, Close> file_;
+    TextParser parser_;
+    std::vector<char> block_;
+    size_t kept_ = 0; ///< bytes at the block's front that were read but not parsed
+    bool ended_ = false;
+    std::optional<int64_t> first_;
+    std::vector<Place> marks_; ///< ascending
+    long spacing_ = 1L << 22U; ///< bytes between marks
 };
 
 } // namespace
@@ -252,43 +346,8 @@ bool text_holds_events(std::span<const uint8_t> start) {
     return false;
 }
 
-EventFile read_text_events(const fs::path& path) {
-    struct Close {
-        void operator()(std::FILE* file) const { (void)std::fclose(file); }
-    };
-    const std::unique_ptr<std::FILE, Close> file(std::fopen(path.c_str(), "rbe"));
-    if (!file) {
-        throw system_error(errno, path, "cannot open");
-    }
-    TextParser parser(path);
-    // Read in blocks, so that only the events themselves take memory; a line that a block ends in
-    // is moved to the front.
-    std::vector<char> block(size_t{1} << 20U);
-    size_t kept = 0;
-    for (bool more = true; more;) {
-        const size_t got = std::fread(block.data() + kept, 1, block.size() - kept, file.get());
-        more = got != 0;
-        if (!more && std::ferror(file.get()) != 0) {
-            throw system_error(errno, path, "cannot read");
-        }
-        std::string_view rest(block.data(), kept + got);
-        for (size_t end = 0; (end = rest.find('\n')) != std::string_view::npos;) {
-            parser.line(rest.substr(0, end));
-            rest.remove_prefix(end + 1);
-        }
-        if (!more && !rest.empty()) {
-            parser.line(rest);
-        } else if (rest.size() == block.size()) {
-            parser.fail("is followed by one of more than a million characters", line_form);
-        }
-        kept = rest.size();
-        std::memmove(block.data(), rest.data(), kept);
-    }
-    if (std::ftell(file.get()) == 0) {
-        throw Error(ExitCode::bad_input,
-                    path.string() + ": the file is empty; copy or record it again");
-    }
-    return parser.take();
+std::unique_ptr<EventStream> open_text_events(const fs::path& path) {
+    return std::make_unique<TextEvents>(path);
 }
 
 } // namespace ecir::io

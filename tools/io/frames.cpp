@@ -39,15 +39,36 @@ std::string frame_name(size_t index) {
     return std::string(6 - std::min<size_t>(digits.size(), 6), '0') + digits + ".png";
 }
 
-void write_frames_csv(const fs::path& path, std::span<const FrameTime> frames) {
-    const bool sources =
-        std::ranges::any_of(frames, [](const FrameTime& frame) { return !frame.source.empty(); });
-    std::string text = sources ? "file,t_normalised,t_us,source\n" : "file,t_normalised,t_us\n";
-    for (const auto& frame : frames) {
-        text += frame.file + "," + exact(frame.t_normalised) + "," + exact(frame.t_us) +
-                (sources ? "," + frame.source : "") + "\n";
+FramesCsv::FramesCsv(const fs::path& path, bool sources)
+    : file_(path), sources_(sources),
+      text_(sources ? "file,t_normalised,t_us,source\n" : "file,t_normalised,t_us\n") {}
+
+void FramesCsv::add(const FrameTime& frame) {
+    constexpr size_t most = size_t{1} << 16U;
+    text_ += frame.file + "," + exact(frame.t_normalised) + "," + exact(frame.t_us) +
+             (sources_ ? "," + frame.source : "") + "\n";
+    if (text_.size() > most) {
+        flush();
     }
-    write_file(path, {{reinterpret_cast<const uint8_t*>(text.data()), text.size()}});
+}
+
+void FramesCsv::flush() {
+    file_.write({reinterpret_cast<const uint8_t*>(text_.data()), text_.size()});
+    text_.clear();
+}
+
+void FramesCsv::close() {
+    flush();
+    file_.close();
+}
+
+void write_frames_csv(const fs::path& path, std::span<const FrameTime> frames) {
+    FramesCsv list(path, std::ranges::any_of(
+                             frames, [](const FrameTime& frame) { return !frame.source.empty(); }));
+    for (const auto& frame : frames) {
+        list.add(frame);
+    }
+    list.close();
 }
 
 std::vector<fs::path> list_images(const fs::path& folder) {

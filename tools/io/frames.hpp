@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "layers/events.hpp"
+#include "tools/io/file.hpp"
 #include "tools/io/image.hpp"
 
 namespace ecir::io {
@@ -23,9 +24,24 @@ double absolute_time(const Exposure& exposure, double t_normalised);
 /// The name of output frame `index`: 000000.png, 000001.png, ...
 std::string frame_name(size_t index);
 
-/// Writes `file,t_normalised,t_us`, numbers with the digits that restore them exactly; `source`
-/// follows as a last column if a frame has one.
-/// Errors as for write_image.
+/// frames.csv, written line by line: `file,t_normalised,t_us`, numbers with the digits that restore
+/// them exactly; `source` follows as a last column with `sources`. Errors as for FileWriter.
+class FramesCsv {
+public:
+    FramesCsv(const std::filesystem::path& path, bool sources);
+    void add(const FrameTime& frame);
+    /// Ends the file, which is removed without.
+    void close();
+
+private:
+    void flush();
+
+    FileWriter file_;
+    bool sources_;
+    std::string text_; ///< not written yet
+};
+
+/// The whole list at once, with sources if a frame has one.
 void write_frames_csv(const std::filesystem::path& path, std::span<const FrameTime> frames);
 
 /// The images (.png, .tif, .tiff, .jpg, .jpeg) directly in a folder, sorted by name; hidden files

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <charconv>
-#include <set>
 #include <string>
 #include <string_view>
 
@@ -86,7 +85,7 @@ private:
         items_.push_back({image(trim(line.substr(0, first))), exposure});
     }
 
-    fs::path image(std::string_view name) const {
+    std::string image(std::string_view name) const {
         const fs::path relative = fs::path(name).lexically_normal();
         if (name.empty() || relative.is_absolute() || *relative.begin() == "..") {
             fail("names the image '" + std::string(name) + "', which is not inside the folder",
@@ -98,7 +97,7 @@ private:
             fail("names the image '" + std::string(name) + "', which is not there",
                  "add the file or remove the line");
         }
-        return full;
+        return full.string();
     }
 
     int64_t number(std::string_view column, const char* name) const {
@@ -123,17 +122,20 @@ private:
 };
 
 fs::path find_events(const fs::path& folder, const std::vector<Recording::Item>& items) {
-    std::set<fs::path> images;
+    std::vector<std::string_view> images;
+    images.reserve(items.size());
     for (const auto& item : items) {
-        images.insert(item.image);
+        images.push_back(item.image);
     }
+    std::ranges::sort(images);
     std::vector<fs::path> found;
     std::error_code problem;
     std::error_code ignored; // a link that leads nowhere is no regular file
     for (const auto& entry : fs::directory_iterator(folder, problem)) {
         const std::string name = entry.path().filename().string();
         if (entry.is_regular_file(ignored) && name != list_name && !name.starts_with('.') &&
-            !images.contains(entry.path()) && holds_events(entry.path())) {
+            !std::ranges::binary_search(images, entry.path().string()) &&
+            holds_events(entry.path())) {
             found.push_back(entry.path());
         }
     }

@@ -1,5 +1,6 @@
 #pragma once
 #include <filesystem>
+#include <string>
 #include <vector>
 
 #include "layers/events.hpp"
@@ -10,8 +11,10 @@ namespace ecir::io {
 /// the images it names, and one events file, told by content among the folder's other files.
 struct Recording {
     struct Item {
-        std::filesystem::path image; ///< full path
-        Exposure exposure;           ///< start < end, on the events' clock
+        /// Full path. A std::filesystem::path would take ten times the memory, and these are all
+        /// that grows with a recording's length.
+        std::string image;
+        Exposure exposure; ///< start < end, on the events' clock
     };
     std::vector<Item> items; ///< in the order of exposures.csv
     std::filesystem::path events;

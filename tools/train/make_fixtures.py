@@ -68,10 +68,10 @@ def synthetic_events(rng, height, width, count):
     return t[order].astype(np.int64), x[order], y[order], p[order]
 
 
-def scaled_network(rng, variant, bins, inputs):
+def scaled_network(rng, variant, bins, inputs, width=WIDTH, iterations=3):
     """Random network (half-precision weights) whose frames vary visibly and stay of order one."""
     torch.manual_seed(int(rng.integers(1 << 31)))
-    model = ECIR(variant, WIDTH, bins).double().eval()
+    model = ECIR(variant, width, bins, iterations=iterations).double().eval()
     blurry, counts, points, times, between = inputs
     with torch.no_grad():
         for module in model.modules():

@@ -124,13 +124,17 @@ class _Up(nn.Sequential):
     def __init__(self, cin, cout):
         super().__init__(nn.ConvTranspose2d(cin, cout, 5, stride=2, padding=2, bias=False))
 
-    def forward(self, x, size):
-        """As self[0](x, output_size=size), by four 3x3 convolutions: twice as fast on a CPU."""
+    def packed_weight(self):
+        """Weight [4 cout, cin, 3, 3] whose convolution gives the outputs' four parities as channels."""
         # Even outputs meet taps 4, 2, 0 and odd ones none, 3, 1 at the input offsets -1, 0, 1.
         weight = F.pad(self[0].weight, (0, 1, 0, 1)).flip(2, 3)
         weight = weight.unflatten(3, (3, 2)).unflatten(2, (3, 2)).flip(3, 5)
-        weight = weight.permute(1, 3, 5, 0, 2, 4).flatten(0, 2)  # cout, row and column parity; cin, 3, 3
-        return F.relu(F.pixel_shuffle(F.conv2d(x, weight, padding=1), 2)[..., :size[0], :size[1]])
+        return weight.permute(1, 3, 5, 0, 2, 4).flatten(0, 2)   # cout, row and column parity; cin, 3, 3
+
+    def forward(self, x, size):
+        """As self[0](x, output_size=size), by four 3x3 convolutions: twice as fast on a CPU."""
+        x = F.conv2d(x, self.packed_weight(), padding=1)
+        return F.relu(F.pixel_shuffle(x, 2)[..., :size[0], :size[1]])
 
 
 class UNet(nn.Module):

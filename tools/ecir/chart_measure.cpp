@@ -1,0 +1,216 @@
+#include "tools/ecir/chart_measure.hpp"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+
+#include "layers/deblur.hpp"
+#include "runtime/error.hpp"
+#include "tools/ecir/image_files.hpp"
+#include "tools/ecir/resize.hpp"
+#include "tools/io/event_file.hpp"
+#include "tools/io/recording.hpp"
+#include "weights/safetensors.hpp"
+
+namespace ecir::cli {
+namespace {
+
+namespace fs = std::filesystem;
+
+[[noreturn]] void refuse(const std::string& message) {
+    throw Error(ExitCode::bad_input, message);
+}
+
+bool is_scene(const fs::path& folder) {
+    std::error_code error;
+    return fs::is_regular_file(folder / "exposures.csv", error) &&
+           fs::is_directory(folder / "truth", error);
+}
+
+metrics::Frame grey_frame(const io::Image& image) {
+    return {image.width, image.height, 1, metrics::to_8_bit(io::luminance(image))};
+}
+
+ChartScene read_scene(const fs::path& folder) {
+    const io::Recording recording = io::open_recording(folder);
+    if (recording.items.size() != 1) {
+        refuse(folder.string() + ": has " + std::to_string(recording.items.size()) +
+               " exposures; a scene of the chart has one");
+    }
+    const auto& item = recording.items.front();
+    ChartScene scene;
+    scene.exposure = item.exposure;
+    scene.blurry = io::read_image(item.image);
+    scene.blurry.pixels = io::luminance(scene.blurry);
+    scene.blurry.channels = 1;
+    scene.events = io::read_events(recording.events).events;
+    io::check_inside(scene.events.view(), scene.blurry.width, scene.blurry.height,
+                     recording.events);
+    for (const fs::path& file : image_files(folder / "truth", false)) {
+        scene.truth.push_back(grey_frame(io::read_image(file)));
+        if (scene.truth.back().width != scene.blurry.width ||
+            scene.truth.back().height != scene.blurry.height) {
+            refuse(file.string() + ": is of another size than the blurry frame");
+        }
+    }
+    if (scene.truth.empty()) {
+        refuse((folder / "truth").string() + ": holds no images");
+    }
+    return scene;
+}
+
+/// A scene as a point works on it.
+struct Work {
+    std::vector<float> blurry;
+    Events events;
+    PixelSize size;
+};
+
+Work prepare(const ChartPoint& point, const ChartScene& scene) {
+    const int width = scene.blurry.width;
+    const int height = scene.blurry.height;
+    if (point.scale == 1) {
+        return {scene.blurry.pixels, scene.events, {width, height}};
+    }
+    const PixelSize size{static_cast<int>(std::lround(width * point.scale)),
+                         static_cast<int>(std::lround(height * point.scale))};
+    return {resize_area(scene.blurry, size).pixels,
+            scale_events(scene.events.view(), width, height, size), size};
+}
+
+Deblur make_deblur(const ChartPoint& point, const std::shared_ptr<Device>& device,
+                   const PixelSize& size) {
+    DeblurOptions options;
+    options.model = point.model;
+    options.refine = point.refine;
+    return {device, options, static_cast<uint32_t>(size.width), static_cast<uint32_t>(size.height)};
+}
+
+/// Whether the number of refinement iterations is free.
+bool iterates(const std::string& model) {
+    if (model == "edi") {
+        return false;
+    }
+    const SafeTensors weights(find_model(model));
+    const auto& metadata = weights.metadata();
+    const auto kind = metadata.find("model");
+    return kind != metadata.end() && kind->second == "ecir";
+}
+
+} // namespace
+
+std::vector<ChartScene> read_chart_scenes(const fs::path& folder) {
+    std::vector<fs::path> folders;
+    std::error_code error;
+    if (is_scene(folder)) {
+        folders.push_back(folder);
+    } else {
+        for (const auto& entry : fs::directory_iterator(folder, error)) {
+            if (is_scene(entry.path())) {
+                folders.push_back(entry.path());
+            }
+        }
+    }
+    if (folders.empty()) {
+        refuse(folder.string() + ": holds no scenes, which are folders with exposures.csv and " +
+               "truth/ as `ecir simulate` writes them");
+    }
+    std::ranges::sort(folders);
+    std::vector<ChartScene> scenes;
+    for (const fs::path& each : folders) {
+        scenes.push_back(read_scene(each));
+        const ChartScene& first = scenes.front();
+        const ChartScene& last = scenes.back();
+        if (last.blurry.width != first.blurry.width || last.blurry.height != first.blurry.height ||
+            last.truth.size() != first.truth.size()) {
+            refuse(each.string() + ": has another size or number of frames than " +
+                   folders.front().string() + "; times would not compare");
+        }
+    }
+    return scenes;
+}
+
+std::vector<ChartPoint> chart_configurations(const std::vector<std::string>& models,
+                                             uint32_t most_refine) {
+    std::vector<ChartPoint> points;
+    for (const double scale : {1.0, 0.5}) {
+        for (const std::string& model : models) {
+            std::vector<std::optional<uint32_t>> refinements = {std::nullopt};
+            if (model != "edi") {
+                refinements.emplace_back(0);
+            }
+            if (iterates(model)) {
+                refinements.erase(refinements.begin());
+                for (uint32_t n = 1; n <= most_refine; ++n) {
+                    refinements.emplace_back(n);
+                }
+            }
+            for (const auto& refine : refinements) {
+                ChartPoint point;
+                point.model = model;
+                point.refine = refine;
+                point.scale = scale;
+                points.push_back(point);
+            }
+        }
+    }
+    return points;
+}
+
+void measure_accuracy(ChartPoint& point, const std::shared_ptr<Device>& device,
+                      const std::vector<ChartScene>& scenes) {
+    std::vector<metrics::Figures> figures;
+    for (const ChartScene& scene : scenes) {
+        const Work work = prepare(point, scene);
+        // A new object for each: thresholds that it carries on are one sensor's.
+        Deblur deblur = make_deblur(point, device, work.size);
+        const auto times = even_times(static_cast<uint32_t>(scene.truth.size()));
+        const auto frames = deblur.frames(work.blurry, work.events.view(), scene.exposure, times);
+        const size_t count = work.blurry.size();
+        for (size_t i = 0; i < times.size(); ++i) {
+            io::Image frame;
+            frame.width = work.size.width;
+            frame.height = work.size.height;
+            frame.pixels.assign(frames.begin() + static_cast<ptrdiff_t>(i * count),
+                                frames.begin() + static_cast<ptrdiff_t>((i + 1) * count));
+            if (point.scale != 1) {
+                frame = resize_cubic(frame, {scene.blurry.width, scene.blurry.height});
+            }
+            figures.push_back(metrics::compare(scene.truth[i], grey_frame(frame)));
+        }
+    }
+    const metrics::Figures mean = metrics::mean(figures);
+    point.psnr = mean.psnr;
+    point.ssim = mean.ssim;
+}
+
+void measure_cost(ChartPoint& point, const std::shared_ptr<Device>& device,
+                  const ChartScene& scene) {
+    using Clock = std::chrono::steady_clock;
+    const Work work = prepare(point, scene);
+    Deblur deblur = make_deblur(point, device, work.size);
+    const auto times = even_times(static_cast<uint32_t>(scene.truth.size()));
+    const auto run = [&] {
+        const auto start = Clock::now();
+        deblur.frames(work.blurry, work.events.view(), scene.exposure, times);
+        return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
+    };
+    constexpr int kWarmUp = 2; // compiles the kernels, settles the thresholds
+    for (int i = 0; i < kWarmUp; ++i) {
+        run();
+    }
+    constexpr size_t kLeast = 5;
+    constexpr double kEnough = 2000; // ms
+    std::vector<double> measured;
+    double sum = 0;
+    while (measured.size() < kLeast || (sum < kEnough && measured.size() < 100)) {
+        measured.push_back(run());
+        sum += measured.back();
+    }
+    std::ranges::sort(measured);
+    point.ms = measured[measured.size() / 2];
+    point.ms_spread = 0.5 * (measured[measured.size() * 3 / 4] - measured[measured.size() / 4]);
+    point.gflop = deblur.operations() * 1e-9;
+}
+
+} // namespace ecir::cli

@@ -1,0 +1,59 @@
+#include "tools/ecir/chart_point.hpp"
+
+#include <cstdio>
+#include <nlohmann/json.hpp>
+
+namespace ecir::cli {
+
+std::string ChartPoint::name() const {
+    std::string text = model;
+    if (refine) {
+        text += ", refine " + std::to_string(*refine);
+    }
+    if (scale != 1) {
+        char share[32];
+        std::snprintf(share, sizeof share, ", size 1/%.3g", 1 / scale);
+        text += share;
+    }
+    return text;
+}
+
+std::vector<bool> pareto_front(std::span<const ChartPoint> points, ChartValue cost,
+                               ChartValue gain) {
+    std::vector<bool> front;
+    for (const ChartPoint& mine : points) {
+        bool beaten = false;
+        for (const ChartPoint& other : points) {
+            const bool no_worse = other.*cost <= mine.*cost && other.*gain >= mine.*gain;
+            beaten = beaten || (no_worse && (other.*cost < mine.*cost || other.*gain > mine.*gain));
+        }
+        front.push_back(!beaten);
+    }
+    return front;
+}
+
+void to_json(nlohmann::ordered_json& json, const ChartPoint& point) {
+    json = {{"name", point.name()}, {"model", point.model}, {"refine", nullptr},
+            {"scale", point.scale}, {"psnr", point.psnr},   {"ssim", point.ssim},
+            {"gflop", point.gflop}, {"ms", point.ms},       {"ms_spread", point.ms_spread}};
+    if (point.refine) {
+        json["refine"] = *point.refine;
+    }
+}
+
+std::string to_csv(std::span<const ChartPoint> points) {
+    std::string text = "model,refine,scale,psnr_db,ssim,gflop,ms,ms_spread,front\n";
+    const auto front = pareto_front(points, &ChartPoint::ms, &ChartPoint::psnr);
+    for (size_t i = 0; i < points.size(); ++i) {
+        const ChartPoint& point = points[i];
+        char line[256];
+        std::snprintf(
+            line, sizeof line, "%s,%s,%g,%.3f,%.4f,%.4g,%.4g,%.3g,%d\n", point.model.c_str(),
+            point.refine ? std::to_string(*point.refine).c_str() : "", point.scale, point.psnr,
+            point.ssim, point.gflop, point.ms, point.ms_spread, front[i] ? 1 : 0);
+        text += line;
+    }
+    return text;
+}
+
+} // namespace ecir::cli

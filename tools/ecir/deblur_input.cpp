@@ -1,0 +1,136 @@
+#include "tools/ecir/deblur_input.hpp"
+
+#include <string>
+
+#include "runtime/error.hpp"
+
+namespace ecir::cli {
+namespace {
+
+namespace fs = std::filesystem;
+
+[[noreturn]] void refuse(const std::string& what) {
+    throw Error(ExitCode::usage, what);
+}
+
+std::string size_text(int width, int height) {
+    return std::to_string(width) + " x " + std::to_string(height);
+}
+
+io::Recording one_frame(const DeblurJob& job) {
+    if (job.events.empty() || !job.exposure) {
+        refuse("a single frame needs its events (-e FILE) and its exposure (--exposure START END); "
+               "a recording is a folder with exposures.csv");
+    }
+    if (job.exposure->end <= job.exposure->start) {
+        throw Error(ExitCode::bad_input, "the exposure of " + job.input.string() + " ends at " +
+                                             std::to_string(job.exposure->end) +
+                                             " us, not after its start at " +
+                                             std::to_string(job.exposure->start) +
+                                             " us; give --exposure START END in microseconds");
+    }
+    return {{{job.input.string(), *job.exposure}}, job.events};
+}
+
+bool is_recording(const DeblurJob& job) {
+    std::error_code problem;
+    const fs::file_status status = fs::status(job.input, problem);
+    if (!fs::exists(status)) {
+        throw Error(ExitCode::bad_input, job.input.string() +
+                                             ": cannot open: " + problem.message() +
+                                             "; give the blurry image, or a recording's folder");
+    }
+    return fs::is_directory(status);
+}
+
+/// A window wholly outside what the file recorded is a mistake in the clock, not a still scene.
+void check_exposure(const Exposure& exposure, const io::EventWindows& events) {
+    const auto& span = events.span();
+    if (!span || (exposure.start <= span->last && span->first <= exposure.end)) {
+        return;
+    }
+    throw Error(ExitCode::bad_input,
+                events.path().string() + ": the exposure " + std::to_string(exposure.start) +
+                    " to " + std::to_string(exposure.end) +
+                    " lies wholly outside the events, which run from " +
+                    std::to_string(span->first) + " to " + std::to_string(span->last) +
+                    " us; give both on one clock, in microseconds");
+}
+
+void check_sensor(const io::EventWindows& events, const io::Image& image,
+                  const fs::path& image_path) {
+    if (events.width() && events.height() &&
+        (*events.width() != image.width || *events.height() != image.height)) {
+        throw Error(ExitCode::bad_input,
+                    events.path().string() + ": the events are of a sensor of " +
+                        size_text(*events.width(), *events.height()) + " pixels, " +
+                        image_path.string() + " has " + size_text(image.width, image.height) +
+                        "; give the image and the events of one sensor");
+    }
+}
+
+Events copy_of(const EventView& events) {
+    return {{events.t.begin(), events.t.end()},
+            {events.x.begin(), events.x.end()},
+            {events.y.begin(), events.y.end()},
+            {events.p.begin(), events.p.end()}};
+}
+
+} // namespace
+
+io::Recording open_input(const DeblurJob& job) {
+    if (!is_recording(job)) {
+        return one_frame(job);
+    }
+    if (!job.events.empty() || job.exposure) {
+        refuse("-e and --exposure go with a single frame; a recording's folder holds both");
+    }
+    return io::open_recording(job.input);
+}
+
+ExposureReader::ExposureReader(const DeblurJob& job, const io::Recording& recording)
+    : job_(job), events_(recording.events, job.exposure ? io::EventWindows::Reading::sparse
+                                                        : io::EventWindows::Reading::whole) {
+    for (const auto& item : recording.items) {
+        check_exposure(item.exposure, events_);
+    }
+}
+
+LoadedExposure ExposureReader::read(const io::Recording::Item& item) {
+    LoadedExposure loaded{&item, io::read_image(item.image), {}, {}};
+    io::Image& image = loaded.image;
+    check_image(image, item.image);
+    const auto [events, first] = events_.read(item.exposure);
+    io::check_inside(events, image.width, image.height, events_.path(), first);
+    if (job_.size) {
+        loaded.events = scale_events(events, image.width, image.height, *job_.size);
+        image = resize_area(image, *job_.size);
+    } else {
+        loaded.events = copy_of(events);
+    }
+    loaded.luminance = io::luminance(image);
+    return loaded;
+}
+
+/// One Deblur object serves all exposures, so all images have the first one's size.
+void ExposureReader::check_image(const io::Image& image, const fs::path& path) {
+    if (channels_ == 0) {
+        check_sensor(events_, image, path);
+        sensor_ = {image.width, image.height};
+        channels_ = image.channels;
+    }
+    if (image.width != sensor_.width || image.height != sensor_.height) {
+        throw Error(ExitCode::bad_input, path.string() + ": has " +
+                                             size_text(image.width, image.height) +
+                                             " pixels, the images before it " +
+                                             size_text(sensor_.width, sensor_.height) +
+                                             "; a recording has the images of one sensor");
+    }
+    if (image.channels != channels_) {
+        throw Error(ExitCode::bad_input,
+                    path.string() + ": is " + (image.channels == 1 ? "grey" : "colour") +
+                        ", unlike the images before it; a recording is all grey or all colour");
+    }
+}
+
+} // namespace ecir::cli

@@ -1,0 +1,46 @@
+#pragma once
+#include <vector>
+
+#include "tools/ecir/deblur_job.hpp"
+#include "tools/io/event_windows.hpp"
+#include "tools/io/image.hpp"
+#include "tools/io/recording.hpp"
+
+namespace ecir::cli {
+
+/// An exposure as it goes to the device, at the size to work at.
+struct LoadedExposure {
+    const io::Recording::Item* item = nullptr;
+    io::Image image;
+    std::vector<float> luminance;
+    Events events; ///< of the exposure
+};
+
+/// What a job asks to deblur: a recording's folder, or one image as a recording of one.
+/// Throws Error: usage for options that do not fit the input, bad_input as open_recording() does.
+io::Recording open_input(const DeblurJob& job);
+
+/// Reads a recording's exposures, images and events, one after another.
+class ExposureReader {
+public:
+    /// Throws Error(bad_input) for an exposure that lies wholly outside the events, a mistake in
+    /// the clock, and as EventWindows does. `job` and `recording` must live on.
+    ExposureReader(const DeblurJob& job, const io::Recording& recording);
+
+    /// Throws Error(bad_input), naming the file, for what cannot be read, and for an image or
+    /// events that are not of the sensor of the exposures before.
+    LoadedExposure read(const io::Recording::Item& item);
+
+    /// After the last exposure: checks the rest of a recording's events, too.
+    void finish() { events_.finish(); }
+
+private:
+    void check_image(const io::Image& image, const std::filesystem::path& path);
+
+    const DeblurJob& job_;
+    io::EventWindows events_;
+    PixelSize sensor_{}; ///< of the first image
+    int channels_ = 0;   ///< 0: there was no image yet
+};
+
+} // namespace ecir::cli
