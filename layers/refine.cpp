@@ -20,6 +20,19 @@ struct StatePush {
 };
 static_assert(sizeof(StatePush) == 56);
 
+/// Mirrors the push constants of shaders/refine_state_lane.comp.
+struct StateLanePush {
+    uint64_t frames_address = 0;
+    uint32_t frames_row = 0;
+    uint32_t frames_plane = 0;
+    uint32_t state_origin = 0;
+    uint32_t state_row = 0;
+    uint32_t state_plane = 0;
+    uint32_t width = 0;
+    std::array<uint32_t, 8> digit{0, 1, 2, 3, 4, 5, 6, 7};
+};
+static_assert(sizeof(StateLanePush) == 64);
+
 /// Mirrors the end of the push constants of shaders/refine_update*.comp.
 struct UpdateSizes {
     uint32_t row;
@@ -75,18 +88,38 @@ void record_refine_state(Program& program, const Tensor& frames, const Tensor* c
                has_shape(*counts, 2 * (d - 1), layout.height, layout.width);
     }
     require_shapes(good, "refinement", {frames, counted ? *counts : frames, state});
-    const Kernel& kernel = program.device().kernel("refine_state", {}, 3, sizeof(StatePush));
-    for (const auto& [first, count] : frame_groups(program.device().info(), state)) {
+    const DeviceInfo& device = program.device().info();
+    const bool lane = conv_family(device) == ConvFamily::lane && !counted && layout.halo > 0;
+    for (const auto& [first, count] : frame_groups(device, state)) {
         const Tensor from = frames.channels(first, count);
         const Tensor to = state_view(state, first, first + count);
         const uint32_t intervals = counted ? std::min(count, d - 1 - first) : 0;
         const Tensor events = intervals > 0 ? counts->channels(2 * first, 2 * intervals) : from;
         Dispatch dispatch;
-        dispatch.kernel = &kernel;
-        dispatch.arguments = {read(from), read(events), update(to)};
-        dispatch.set_push(StatePush{PushLayout(from), PushLayout(events), PushLayout(to),
-                                    layout.width, intervals});
-        dispatch.groups = pixel_groups(layout, count);
+        if (lane) {
+            const RowTiles tiles(layout.width, device.subgroup_size);
+            const std::array<uint32_t, 2> constants{device.subgroup_size, tiles.vectors};
+            StateLanePush push;
+            push.frames_row = static_cast<uint32_t>(layout.row_stride());
+            push.frames_plane = static_cast<uint32_t>(layout.plane_stride());
+            push.state_origin = PushLayout(to).origin;
+            push.state_row = static_cast<uint32_t>(to.layout().row_stride());
+            push.state_plane = static_cast<uint32_t>(to.layout().plane_stride());
+            push.width = layout.width;
+            dispatch.kernel =
+                &program.device().kernel("refine_state_lane", constants, 1, sizeof(StateLanePush));
+            dispatch.arguments = {update(to)};
+            dispatch.pointers = {
+                {offsetof(StateLanePush, frames_address), read(from), layout.origin() * 4}};
+            dispatch.set_push(push);
+            dispatch.groups = {tiles.count, layout.height, count};
+        } else {
+            dispatch.kernel = &program.device().kernel("refine_state", {}, 3, sizeof(StatePush));
+            dispatch.arguments = {read(from), read(events), update(to)};
+            dispatch.set_push(StatePush{PushLayout(from), PushLayout(events), PushLayout(to),
+                                        layout.width, intervals});
+            dispatch.groups = pixel_groups(layout, count);
+        }
         const double pixels = static_cast<double>(layout.width) * layout.height;
         dispatch.flops = 2 * pixels * count;
         dispatch.bytes = 4 * pixels * (4 * count + 4 * intervals);

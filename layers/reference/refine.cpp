@@ -4,6 +4,8 @@
 #include <array>
 #include <string>
 
+#include "layers/elementwise.hpp"
+
 namespace ecir {
 namespace {
 
@@ -117,13 +119,16 @@ Trial refine_state_trial(Device& device, uint32_t trial) {
     Program& program = *result.program;
     const uint32_t halo = trial % 2;
     const Tensor frame_input = program.input({shape.d, shape.height, shape.width, 1, halo});
+    const Tensor doubled = program.temporary(frame_input.layout());
+    record_add(program, frame_input, frame_input, doubled);
     const Tensor count_input =
         program.input({std::max(2 * intervals, 1U), shape.height, shape.width, 1, 1 - halo});
     result.output = program.output(refine_state_layout(shape.d, shape.height, shape.width));
     program.clear(result.output);
-    record_refine_state(program, frame_input, &count_input, result.output);
+    // First with the counts of the case and twice its frames, then its frames and no counts.
+    record_refine_state(program, doubled, &count_input, result.output);
     result.first_step = program.steps();
-    record_refine_state(program, frame_input, nullptr, result.output); // the counts stay
+    record_refine_state(program, frame_input, nullptr, result.output);
     program.finish();
     program.write(frame_input, from_dense(frame_input.layout(), frames));
     if (intervals > 0) {
