@@ -192,19 +192,20 @@ Tensor FusionTrunk::record(Program& program, const PriorExposure& exposure,
 }
 
 FusionHead::FusionHead(Device& device, const SafeTensors& weights, const FusionWidths& widths)
-    : widths_(widths), out_(device, widths.head[0], 3,
-                            weights.get("fusion.head.out.weight", {1, widths.head[0], 3, 3}),
-                            weights.get("fusion.head.out.bias", {1}).front()) {
+    : widths_(widths),
+      end_(device, plane_count, widths.head[0],
+           weights.get("fusion.head.skip.weight", {widths.head[0], plane_count, 3, 3}),
+           weights.get("fusion.head.out.weight", {1, widths.head[0], 3, 3}),
+           weights.get("fusion.head.out.bias", {1}).front()) {
     const auto [a, b, c] = widths.head;
     Loader load{device, weights, convs_};
-    load.add("head.skip", {plane_count}, {.out_channels = a}, false);
     load.down("head.down1", {plane_count}, b, 5);
     load.down("head.down2", {b}, c);
     load.residual("head.res2", c);
     load.residual("head.res3", c);
     load.up("head.up1", c, b);
     load.residual("head.res1", b);
-    load.up("head.up0", b, a);
+    load.add("head.up0.conv", {b}, {.out_channels = a, .stride = 2, .transposed = true});
 }
 
 FusionHead::Tensors FusionHead::prepare(Program& program, uint32_t height, uint32_t width) const {
@@ -215,6 +216,7 @@ FusionHead::Tensors FusionHead::prepare(Program& program, uint32_t height, uint3
     t.planes = cleared(program, {plane_count, height, width}, 2);
     t.mixed = program.temporary(quarter);
     t.x0 = program.temporary(level(program, a, height, width, 1));
+    t.taps = ConvPair::scratch(program, height, width);
     t.x1 = cleared(program, half);
     t.inner1 = cleared(program, half);
     t.x2 = cleared(program, quarter);
@@ -229,9 +231,10 @@ void FusionHead::record(Program& program, const Tensors& t, const Tensor& frame)
     record_residual(program, convs_, "head.res3", t.x2, t.inner2);
     convs_.at("head.up1.conv").record(program, t.x2, t.x1, t.x1);
     record_residual(program, convs_, "head.res1", t.x1, t.inner1);
-    convs_.at("head.skip").record(program, t.planes, t.x0);
-    convs_.at("head.up0.conv").record(program, t.x1, t.x0, t.x0);
-    out_.record(program, t.x0, frame, t.planes.channels(0, 1)); // channel 0 is the prior
+    convs_.at("head.up0.conv").record(program, t.x1, t.x0);
+    // relu(up0 + skip(planes)), then the output; channel 0 is the prior.
+    end_.record(program, t.planes, t.taps, frame,
+                {.start = t.x0, .added = t.planes.channels(0, 1)});
 }
 
 FusionMethod::FusionMethod(std::shared_ptr<Device> device, const SafeTensors& weights,

@@ -5,7 +5,7 @@
 #include <optional>
 #include <string>
 
-#include "layers/conv_plane.hpp"
+#include "layers/conv_pair.hpp"
 #include "layers/edi_threshold.hpp"
 #include "layers/fusion_mix.hpp"
 #include "layers/method.hpp"
@@ -50,17 +50,17 @@ public:
 
     /// Tensors of one frame, of which all frames of a program make use in turn.
     struct Tensors {
-        Tensor planes, mixed, x0, x1, inner1, x2, inner2;
+        Tensor planes, mixed, x0, taps, x1, inner1, x2, inner2;
     };
     Tensors prepare(Program& program, uint32_t height, uint32_t width) const;
 
-    /// From t.planes and t.mixed to the frame, 1 channel of any layout.
+    /// From t.planes and t.mixed to the frame, 1 channel, block 1.
     void record(Program& program, const Tensors& t, const Tensor& frame) const;
 
 private:
     FusionWidths widths_;
     ConvTable convs_;
-    ConvPlane out_;
+    ConvPair end_;
 };
 
 /// Sharp frames by the fusion network: frames of the event-driven prior, brought together along

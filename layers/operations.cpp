@@ -22,13 +22,14 @@ namespace ecir {
 namespace {
 
 constexpr std::array kOperations = {
-    Operation{"conv", 1e-5, "float32 sums of up to 2000 products", 17, conv_trial, 31},
+    Operation{"conv", 1e-5, "float32 sums of up to 2000 products", 17, conv_trial, 27},
     Operation{"conv_tile", 1e-5, "float32 sums of up to 2000 products", 17, conv_tile_trial, 3},
-    Operation{"conv_plane", 1e-5, "float32 sums of up to 400 products", 4, conv_plane_trial, 2},
+    Operation{"conv_plane", 1e-5, "float32 sums of up to 400 products", 4, conv_plane_trial},
+    Operation{"conv_pair", 1e-5, "float32 sums of up to 700 products", 8, conv_pair_trial, 3},
     Operation{"event_histogram", 0, "counts are whole numbers", 10, event_histogram_trial, 2},
     Operation{"keypoints", 0, "compared as integers", 12, keypoints_trial, 1},
     Operation{"curve", 1e-5, "float32 products of up to 20 differences", 12, curve_trial, 1},
-    Operation{"refine_input", 1e-6, "one float32 difference", 8, refine_input_trial, 1},
+    Operation{"refine_state", 1e-6, "one float32 difference", 8, refine_state_trial, 1},
     Operation{"refine_update", 1e-5, "float32 sums of 9 products", 8, refine_update_trial, 1},
     Operation{"elementwise", 1e-6, "one float32 operation, or an exponential", 10,
               elementwise_trial, 2},

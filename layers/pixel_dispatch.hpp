@@ -19,6 +19,19 @@ inline std::array<uint32_t, 3> pixel_groups(const Layout& layout, uint32_t depth
     return {(layout.width + 63) / 64, layout.height, depth};
 }
 
+/// A row cut into tiles for kernels that take several vectors of `lanes` pixels a workgroup: as few
+/// tiles as can do, of a number of vectors that is the same for all.
+struct RowTiles {
+    static constexpr uint32_t kMostVectors = 10; ///< more gain nothing
+    uint32_t count;
+    uint32_t vectors;
+    RowTiles(uint32_t width, uint32_t lanes) {
+        const uint32_t all = (width + lanes - 1) / lanes;
+        count = (all + kMostVectors - 1) / kMostVectors;
+        vectors = (all + count - 1) / count;
+    }
+};
+
 /// Channels first, ..., first + count - 1 of a tensor.
 struct ChannelGroup {
     uint32_t first;

@@ -1,130 +1,187 @@
 #include "layers/refine.hpp"
 
 #include <algorithm>
-#include <string>
+#include <cstddef>
 
+#include "layers/conv.hpp"
 #include "layers/pixel_dispatch.hpp"
+#include "layers/shapes.hpp"
 
 namespace ecir {
 namespace {
 
-/// Mirrors the push constants of shaders/refine_input.comp.
-struct InputPush {
+/// Mirrors the push constants of shaders/refine_state.comp.
+struct StatePush {
     PushLayout frames;
     PushLayout counts;
-    PushLayout residuals;
-    PushLayout result;
-    uint32_t width;
-    uint32_t height;
-    uint32_t frame;    ///< channel of frame i in its view
-    uint32_t count;    ///< channel of the positive events
-    uint32_t residual; ///< channel of residual i - 1
-    uint32_t first;    ///< 1: interval 0, without a residual before it
+    PushLayout state;
+    uint32_t width = 0;
+    uint32_t intervals = 0; ///< whose counts are written; 0: none
 };
-static_assert(sizeof(InputPush) == 88);
+static_assert(sizeof(StatePush) == 56);
 
-/// Mirrors the push constants of shaders/refine_update.comp.
-struct UpdatePush {
-    PushLayout initial;
-    PushLayout frames;
-    PushLayout residuals;
-    PushLayout updated;
+/// Mirrors the push constants of shaders/refine_state_lane.comp.
+struct StateLanePush {
+    uint64_t frames_address = 0;
+    uint32_t frames_row = 0;
+    uint32_t frames_plane = 0;
+    uint32_t state_origin = 0;
+    uint32_t state_row = 0;
+    uint32_t state_plane = 0;
+    uint32_t width = 0;
+    std::array<uint32_t, 8> digit{0, 1, 2, 3, 4, 5, 6, 7};
+};
+static_assert(sizeof(StateLanePush) == 64);
+
+/// Mirrors the end of the push constants of shaders/refine_update*.comp.
+struct UpdateSizes {
+    uint32_t row;
+    uint32_t plane;
     uint32_t width;
-    uint32_t height;
-    uint32_t first; ///< frame that is channel 0 of the views of `initial` and `updated`
+    uint32_t first; ///< frame at which the origins and addresses point
     uint32_t last;  ///< d - 1
-    uint32_t skip;  ///< its channel in the views of `frames` and `residuals`
     AlphaWeights alpha;
 };
-static_assert(sizeof(UpdatePush) == 124);
+struct UpdatePush {
+    uint32_t initial_origin;
+    uint32_t frames_origin;
+    uint32_t state_origin;
+    uint32_t updated_origin;
+    UpdateSizes sizes;
+};
+static_assert(sizeof(UpdatePush) == 76);
+struct UpdateLanePush {
+    uint64_t initial_address = 0;
+    uint64_t frames_address = 0;
+    uint64_t state_address = 0;
+    uint32_t updated_origin = 0;
+    UpdateSizes sizes{};
+    std::array<uint32_t, 8> digit{0, 1, 2, 3, 4, 5, 6, 7};
+};
+static_assert(sizeof(UpdateLanePush) == 120);
 
-std::string shape(const Tensor& tensor) {
-    const Layout& layout = tensor.layout();
-    return std::to_string(layout.channels) + "x" + std::to_string(layout.height) + "x" +
-           std::to_string(layout.width);
+/// Groups of frames whose views the device can bind: those of the state are the largest. A group
+/// reads the state of one frame more.
+std::vector<ChannelGroup> frame_groups(const DeviceInfo& device, const Tensor& state) {
+    Layout frames = state.layout();
+    frames.channels /= refine_planes;
+    frames.pitch = frames.row_pixels() * refine_planes;
+    return channel_groups(device, frames, 1, 1);
 }
 
-void check(const char* what, const Tensor& tensor, uint32_t channels, const Tensor& like) {
-    const Layout& layout = tensor.layout();
-    if (layout.channels < channels || layout.height != like.layout().height ||
-        layout.width != like.layout().width) {
-        throw Error(ExitCode::bad_input, std::string("refinement: ") + what + " of " +
-                                             shape(tensor) + " do not match frames of " +
-                                             shape(like));
-    }
+/// Planes of the frames first, ..., end - 1 in the state.
+Tensor state_view(const Tensor& state, uint32_t first, uint32_t end) {
+    return state.channels(refine_planes * first, refine_planes * (end - first));
 }
 
 } // namespace
 
-void record_refine_input(Program& program, const Tensor& frames, const Tensor& counts,
-                         const Tensor& residuals, uint32_t interval, const Tensor& input) {
-    const Layout& layout = input.layout();
-    check("frames", frames, interval + 2, frames);
-    check("event counts", counts, 2 * interval + 2, frames);
-    check("network inputs", input, residual_channels(interval), frames);
-    const ChannelView pair = channel_view(frames, interval, 2);
-    const ChannelView events = channel_view(counts, 2 * interval, 2);
-    ChannelView before = pair; // stands in where there is no residual yet
-    if (interval > 0) {
-        check("residuals", residuals, interval, frames);
-        before = channel_view(residuals, interval - 1, 1);
+void record_refine_state(Program& program, const Tensor& frames, const Tensor* counts,
+                         const Tensor& state) {
+    const Layout& layout = frames.layout();
+    const uint32_t d = layout.channels;
+    const bool counted = counts != nullptr && d > 1;
+    bool good = layout.block == 1 && state.layout().block == 1 &&
+                has_shape(state, refine_planes * d, layout.height, layout.width);
+    if (counted) {
+        good = good && counts->layout().block == 1 &&
+               has_shape(*counts, 2 * (d - 1), layout.height, layout.width);
     }
-    Dispatch dispatch;
-    dispatch.kernel = &program.device().kernel("refine_input", {}, 4, sizeof(InputPush));
-    dispatch.arguments = {read(pair.tensor), read(events.tensor), read(before.tensor),
-                          write(input)};
-    dispatch.set_push(InputPush{PushLayout(pair.tensor), PushLayout(events.tensor),
-                                PushLayout(before.tensor), PushLayout(input), layout.width,
-                                layout.height, pair.skip, events.skip, before.skip,
-                                interval == 0 ? 1U : 0U});
-    dispatch.groups = pixel_groups(layout);
-    const double pixels = static_cast<double>(layout.width) * layout.height;
-    dispatch.flops = 4 * pixels;
-    dispatch.bytes = pixels * 4 * (5 + padded_channels(layout));
-    dispatch.label = "refine_input";
-    program.add(std::move(dispatch));
+    require_shapes(good, "refinement", {frames, counted ? *counts : frames, state});
+    const DeviceInfo& device = program.device().info();
+    const bool lane = conv_family(device) == ConvFamily::lane && !counted && layout.halo > 0;
+    for (const auto& [first, count] : frame_groups(device, state)) {
+        const Tensor from = frames.channels(first, count);
+        const Tensor to = state_view(state, first, first + count);
+        const uint32_t intervals = counted ? std::min(count, d - 1 - first) : 0;
+        const Tensor events = intervals > 0 ? counts->channels(2 * first, 2 * intervals) : from;
+        Dispatch dispatch;
+        if (lane) {
+            const RowTiles tiles(layout.width, device.subgroup_size);
+            const std::array<uint32_t, 2> constants{device.subgroup_size, tiles.vectors};
+            StateLanePush push;
+            push.frames_row = static_cast<uint32_t>(layout.row_stride());
+            push.frames_plane = static_cast<uint32_t>(layout.plane_stride());
+            push.state_origin = PushLayout(to).origin;
+            push.state_row = static_cast<uint32_t>(to.layout().row_stride());
+            push.state_plane = static_cast<uint32_t>(to.layout().plane_stride());
+            push.width = layout.width;
+            dispatch.kernel =
+                &program.device().kernel("refine_state_lane", constants, 1, sizeof(StateLanePush));
+            dispatch.arguments = {update(to)};
+            dispatch.pointers = {
+                {offsetof(StateLanePush, frames_address), read(from), layout.origin() * 4}};
+            dispatch.set_push(push);
+            dispatch.groups = {tiles.count, layout.height, count};
+        } else {
+            dispatch.kernel = &program.device().kernel("refine_state", {}, 3, sizeof(StatePush));
+            dispatch.arguments = {read(from), read(events), update(to)};
+            dispatch.set_push(StatePush{PushLayout(from), PushLayout(events), PushLayout(to),
+                                        layout.width, intervals});
+            dispatch.groups = pixel_groups(layout, count);
+        }
+        const double pixels = static_cast<double>(layout.width) * layout.height;
+        dispatch.flops = 2 * pixels * count;
+        dispatch.bytes = 4 * pixels * (4 * count + 4 * intervals);
+        dispatch.label = "refine_state";
+        program.add(std::move(dispatch));
+    }
 }
 
 void record_refine_update(Program& program, const Tensor& initial, const Tensor& frames,
-                          const Tensor& residuals, const AlphaWeights& alpha,
-                          const Tensor& updated) {
+                          const Tensor& state, const AlphaWeights& alpha, const Tensor& updated) {
     const Layout& layout = frames.layout();
     const uint32_t d = layout.channels;
-    const bool alone = d == 1;
-    check("initial frames", initial, d, frames);
-    check("updated frames", updated, d, frames);
-    if (!alone) {
-        check("residuals", residuals, d - 1, frames);
-    }
-    if (layout.block != 1 || initial.layout().block != 1 || updated.layout().block != 1 ||
-        (!alone && residuals.layout().block != 1)) {
-        throw Error(ExitCode::bad_input, "refinement: updates take frames of block 1");
-    }
-    const Kernel& kernel = program.device().kernel("refine_update", {}, 4, sizeof(UpdatePush));
-    // Groups by the tensor with the largest planes; a group reads one frame more at each end.
-    Layout largest = layout;
-    for (const Tensor* tensor : {&initial, &updated, alone ? &frames : &residuals}) {
-        if (tensor->layout().plane_stride() > largest.plane_stride()) {
-            largest = tensor->layout();
-        }
-    }
-    largest.channels = d;
-    for (const auto& [first, count] : channel_groups(program.device().info(), largest, 1, 2)) {
-        const uint32_t skip = first > 0 ? 1 : 0;
-        const uint32_t begin = first - skip;
+    const auto alike = [&](const Tensor& tensor, uint32_t channels) {
+        const Layout& other = tensor.layout();
+        return has_shape(tensor, channels, layout.height, layout.width) && other.block == 1 &&
+               other.halo == 1 && other.row_stride() == layout.row_stride();
+    };
+    require_shapes(alike(initial, d) && alike(frames, d) && alike(updated, d) &&
+                       alike(state, refine_planes * d),
+                   "refinement", {initial, frames, state, updated});
+    const DeviceInfo& device = program.device().info();
+    const bool lane = conv_family(device) == ConvFamily::lane;
+    for (const auto& [first, count] : frame_groups(device, state)) {
+        const uint32_t begin = first > 0 ? first - 1 : 0;
         const uint32_t end = std::min(first + count + 1, d);
+        const uint64_t skip = (first - begin) * layout.plane_stride();
         const Tensor starts = initial.channels(first, count);
         const Tensor around = frames.channels(begin, end - begin);
-        const Tensor between =
-            alone ? around : residuals.channels(begin, std::min(first + count, d - 1) - begin);
+        const Tensor residuals = state_view(state, first, end);
         const Tensor results = updated.channels(first, count);
+        const uint32_t result_origin = PushLayout(results).origin;
+        const UpdateSizes sizes{static_cast<uint32_t>(layout.row_stride()),
+                                static_cast<uint32_t>(layout.plane_stride()),
+                                layout.width,
+                                first,
+                                d - 1,
+                                alpha};
         Dispatch dispatch;
-        dispatch.kernel = &kernel;
-        dispatch.arguments = {read(starts), read(around), read(between), write(results)};
-        dispatch.set_push(UpdatePush{PushLayout(starts), PushLayout(around), PushLayout(between),
-                                     PushLayout(results), layout.width, layout.height, first, d - 1,
-                                     skip, alpha});
-        dispatch.groups = pixel_groups(layout, count);
+        if (lane) {
+            const RowTiles tiles(layout.width, device.subgroup_size);
+            const std::array<uint32_t, 2> constants{device.subgroup_size, tiles.vectors};
+            dispatch.kernel = &program.device().kernel("refine_update_lane", constants, 1,
+                                                       sizeof(UpdateLanePush));
+            dispatch.arguments = {update(results)};
+            const uint64_t origin = layout.origin() * 4;
+            dispatch.pointers = {
+                {offsetof(UpdateLanePush, initial_address), read(starts), origin},
+                {offsetof(UpdateLanePush, frames_address), read(around), origin + skip * 4},
+                {offsetof(UpdateLanePush, state_address), read(residuals), origin}};
+            UpdateLanePush push;
+            push.updated_origin = result_origin;
+            push.sizes = sizes;
+            dispatch.set_push(push);
+            dispatch.groups = {tiles.count, layout.height, count};
+        } else {
+            dispatch.kernel = &program.device().kernel("refine_update", {}, 4, sizeof(UpdatePush));
+            dispatch.arguments = {read(starts), read(around), read(residuals), update(results)};
+            dispatch.set_push(UpdatePush{PushLayout(starts).origin,
+                                         PushLayout(around).origin + static_cast<uint32_t>(skip),
+                                         PushLayout(residuals).origin, result_origin, sizes});
+            dispatch.groups = pixel_groups(layout, count);
+        }
         const double values = static_cast<double>(layout.width) * layout.height * count;
         dispatch.flops = 32 * values;
         dispatch.bytes = 16 * values;

@@ -6,23 +6,35 @@
 
 namespace ecir {
 
-/// The two kernels of the refinement (algorithm 1 of the paper) that are not convolutions.
+/// The kernels of the refinement (algorithm 1 of the paper) that are not convolutions, on a state
+/// that its residual networks read where it lies: for each of d frames the planes
+///     frame i, d/dx and d/dy of it, positive and other events of interval i, residual i - 1,
+/// so that the nine inputs of interval i are nine planes in a row, the last three being frame i + 1
+/// and its gradients. Interval 0 has no residual before it: that plane stays zero.
 
-/// Input channels of the residual network of interval i: frame i, frame i + 1, d/dx and d/dy of
-/// frame i, d/dx and d/dy of frame i + 1, positive and negative events of the interval, and (i > 0)
-/// residual i - 1.
-inline constexpr uint32_t residual_channels(uint32_t interval) {
-    return interval == 0 ? 8 : 9;
+inline constexpr uint32_t refine_planes = 6;         ///< of a frame
+inline constexpr uint32_t refine_residual_plane = 5; ///< among them
+inline constexpr uint32_t refine_network_inputs = 9;
+
+/// Layout of the state; to be cleared once, since its halo is read and nothing writes it.
+inline Layout refine_state_layout(uint32_t frames, uint32_t height, uint32_t width) {
+    return {refine_planes * frames, height, width, 1, 1};
 }
 
-/// Records the input of the residual network of `interval`. A gradient is the left (upper)
-/// neighbour less the pixel, 0 in the first column (row). frames     d frames, any layout counts 2
-/// (d - 1) event counts, any layout residuals  d - 1 residuals, any layout; read for interval > 0
-/// only input      output of residual_channels(interval) channels, any layout; the halo and what
-/// fills up the
-///            last block are left alone
-void record_refine_input(Program& program, const Tensor& frames, const Tensor& counts,
-                         const Tensor& residuals, uint32_t interval, const Tensor& input);
+/// The planes that the residual network of `interval` reads, and the one that it writes.
+inline Tensor refine_network_input(const Tensor& state, uint32_t interval) {
+    return state.channels(refine_planes * interval, refine_network_inputs);
+}
+inline Tensor refine_residual(const Tensor& state, uint32_t interval) {
+    return state.channels(refine_planes * (interval + 1) + refine_residual_plane, 1);
+}
+
+/// Records the frames, their gradients and, if given, the event counts into the state. A gradient
+/// is the left (upper) neighbour less the pixel, 0 in the first column (row).
+/// frames     d frames, block 1, any halo
+/// counts     2 (d - 1) event counts, block 1, any halo; nullptr: those in the state stay
+void record_refine_state(Program& program, const Tensor& frames, const Tensor* counts,
+                         const Tensor& state);
 
 /// alpha_net of the published weights: 3x3 weights by rows, then the bias.
 using AlphaWeights = std::array<float, 10>;
@@ -33,13 +45,12 @@ using AlphaWeights = std::array<float, 10>;
 ///                              + 2 (L_i + R_i - L_{i+1})     [i < d - 1]
 ///     L_i    <- L_i - alpha_i D_i
 /// initial    L0, d channels
-/// frames     L, d channels, not the same memory as `updated`
-/// residuals  R, d - 1 channels; not looked at when d = 1
+/// frames     L, d channels, the halo zero, not the same memory as `updated`
+/// state      the residuals R
 /// updated    the new L, d channels; its halo is left alone
-/// All of one height and width, block 1, any halo. Throws Error(resources) when three frames exceed
-/// what the device can bind.
+/// All of one height and width, block 1 and halo 1. Throws Error(resources) when two frames' state
+/// exceeds what the device can bind.
 void record_refine_update(Program& program, const Tensor& initial, const Tensor& frames,
-                          const Tensor& residuals, const AlphaWeights& alpha,
-                          const Tensor& updated);
+                          const Tensor& state, const AlphaWeights& alpha, const Tensor& updated);
 
 } // namespace ecir

@@ -8,40 +8,40 @@
 namespace ecir {
 namespace {
 
-/// Channels between the two convolutions of a pair, read from the weight of the first.
-uint32_t hidden_channels(const SafeTensors& weights, const std::string& name) {
-    const auto& shape = weights.get(name).shape;
-    return shape.empty() ? 0 : shape.front();
+/// Where the network's input channels (frame i, frame i + 1, d/dx and d/dy of each, positive and
+/// other events, and from interval 1 on residual i - 1) lie among the planes of its input.
+constexpr std::array<uint32_t, refine_network_inputs> kPlaneOfChannel{0, 6, 1, 2, 7, 8, 3, 4, 5};
+
+/// conv3x3 to hidden channels, ReLU, conv3x3 to one channel, from the tensors of a weights file.
+/// plane_of: for each input channel its channel in the tensor that is read, which has `planes`.
+ConvPair load(Device& device, const SafeTensors& weights, const std::string& name,
+              std::span<const uint32_t> plane_of, uint32_t planes) {
+    const auto& shape = weights.get(name + ".0.weight").shape;
+    const uint32_t hidden = shape.empty() ? 0 : shape.front();
+    const auto channels = static_cast<uint32_t>(plane_of.size());
+    const auto& first = weights.get(name + ".0.weight", {hidden, channels, 3, 3});
+    std::vector<float> moved(size_t{hidden} * planes * 9);
+    for (size_t o = 0; o < hidden; ++o) {
+        for (size_t i = 0; i < channels; ++i) {
+            std::copy_n(first.begin() + static_cast<std::ptrdiff_t>((o * channels + i) * 9), 9,
+                        moved.begin() +
+                            static_cast<std::ptrdiff_t>((o * planes + plane_of[i]) * 9));
+        }
+    }
+    return {device, planes, hidden, moved, weights.get(name + ".2.weight", {1, hidden, 3, 3})};
 }
+
+constexpr std::array<uint32_t, 1> kFrame{0};
 
 } // namespace
 
-Refinement::Pair::Pair(Device& device, const SafeTensors& weights, const std::string& name,
-                       uint32_t channels)
-    : expand(
-          device,
-          {.out_channels = hidden_channels(weights, name + ".0.weight"), .kernel = 3, .relu = true},
-          {channel_range(0, channels)},
-          weights.get(name + ".0.weight",
-                      {hidden_channels(weights, name + ".0.weight"), channels, 3, 3}),
-          {}),
-      project(
-          device, hidden_channels(weights, name + ".0.weight"), 3,
-          weights.get(name + ".2.weight", {1, hidden_channels(weights, name + ".0.weight"), 3, 3})),
-      hidden(hidden_channels(weights, name + ".0.weight")) {}
-
-void Refinement::Pair::record(Program& program, const Tensor& input, const Tensor& output) const {
-    const Layout& size = input.layout();
-    const Tensor between = program.temporary(
-        {hidden, size.height, size.width, channel_block(program.device().info()), 0});
-    expand.record(program, input, between);
-    project.record(program, between, output);
-}
-
 Refinement::Refinement(Device& device, const SafeTensors& weights)
-    : first_residual_(device, weights, "refine.first_res_net", residual_channels(0)),
-      other_residual_(device, weights, "refine.other_res_net", residual_channels(1)),
-      polish_(device, weights, "refine.final", 1) {
+    : first_residual_(load(device, weights, "refine.first_res_net",
+                           std::span(kPlaneOfChannel).first(refine_network_inputs - 1),
+                           refine_network_inputs)),
+      other_residual_(
+          load(device, weights, "refine.other_res_net", kPlaneOfChannel, refine_network_inputs)),
+      polish_(load(device, weights, "refine.final", kFrame, 1)) {
     std::ranges::copy(weights.get("refine.alpha_net.weight", {1, 1, 3, 3}), alpha_.begin());
     alpha_.back() = weights.get("refine.alpha_net.bias", {1}).front();
 }
@@ -50,34 +50,31 @@ void Refinement::record(Program& program, const Tensor& initial, const Tensor& c
                         const Tensor& refined, uint32_t iterations) const {
     const Layout& frames = initial.layout();
     const uint32_t count = frames.channels;
-    const uint32_t block = channel_block(program.device().info());
-    // The halos are cleared once; every interval writes the insides anew.
+    // The halos are cleared once; every iteration writes the insides anew.
     const auto cleared = [&](const Layout& layout) {
         const Tensor made = program.temporary(layout);
         program.clear(made);
         return made;
     };
     const std::array<Tensor, 2> steps = {cleared(frames), cleared(frames)};
-    const Tensor residuals =
-        program.temporary({std::max(count, 2U) - 1, frames.height, frames.width, 1, 0});
-    const std::array<Tensor, 2> inputs = {
-        cleared({residual_channels(0), frames.height, frames.width, block, 1}),
-        cleared({residual_channels(1), frames.height, frames.width, block, 1})};
+    const Tensor state = cleared(refine_state_layout(count, frames.height, frames.width));
+    const Tensor scratch = ConvPair::scratch(program, frames.height, frames.width);
 
     Tensor current = initial;
     for (uint32_t iteration = 0; iteration < iterations; ++iteration) {
+        record_refine_state(program, current, iteration == 0 && count > 1 ? &counts : nullptr,
+                            state);
         for (uint32_t i = 0; i + 1 < count; ++i) {
-            const Tensor& input = inputs.at(i == 0 ? 0 : 1);
-            record_refine_input(program, current, counts, residuals, i, input);
             (i == 0 ? first_residual_ : other_residual_)
-                .record(program, input, residuals.channels(i, 1));
+                .record(program, refine_network_input(state, i), scratch,
+                        refine_residual(state, i));
         }
         const Tensor& next = steps.at(iteration % 2);
-        record_refine_update(program, initial, current, residuals, alpha_, next);
+        record_refine_update(program, initial, current, state, alpha_, next);
         current = next;
     }
     for (uint32_t i = 0; i < count; ++i) {
-        polish_.record(program, current.channels(i, 1), refined.channels(i, 1));
+        polish_.record(program, current.channels(i, 1), scratch, refined.channels(i, 1));
     }
 }
 

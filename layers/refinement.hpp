@@ -1,5 +1,5 @@
 #pragma once
-#include "layers/conv_plane.hpp"
+#include "layers/conv_pair.hpp"
 #include "layers/refine.hpp"
 #include "weights/safetensors.hpp"
 
@@ -14,26 +14,15 @@ public:
     Refinement(Device& device, const SafeTensors& weights);
 
     /// initial: d frames in order of time, block 1, halo 1 (zeros); counts: 2 (d - 1) event counts
-    /// between them, any layout, not looked at when d = 1; refined: d frames, block 1, its halo is
-    /// not written.
+    /// between them, block 1, not looked at when d = 1; refined: d frames, block 1, its halo is not
+    /// written.
     void record(Program& program, const Tensor& initial, const Tensor& counts,
                 const Tensor& refined, uint32_t iterations) const;
 
 private:
-    /// conv3x3 to hidden channels, ReLU, conv3x3 to one channel.
-    struct Pair {
-        Conv expand;
-        ConvPlane project;
-        uint32_t hidden;
-
-        Pair(Device& device, const SafeTensors& weights, const std::string& name,
-             uint32_t channels);
-        void record(Program& program, const Tensor& input, const Tensor& output) const;
-    };
-
-    Pair first_residual_;
-    Pair other_residual_;
-    Pair polish_;
+    ConvPair first_residual_;
+    ConvPair other_residual_;
+    ConvPair polish_;
     AlphaWeights alpha_{};
 };
 

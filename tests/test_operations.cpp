@@ -63,7 +63,7 @@ TEST_SUITE("operations") {
                 const auto result = run_trial(operation, trial);
                 INFO(operation.name, " ", trial.shape, ": error ", result.error);
                 CHECK(result.ok);
-                if (operation.name == "conv" || operation.name == "conv_plane") {
+                if (operation.name == "conv" || operation.name == "conv_pair") {
                     add(tried, trial.program->profile());
                 }
             }
@@ -73,7 +73,7 @@ TEST_SUITE("operations") {
                                       EdiThresholds{0.2F, 0.2F}));
         add_network(run, EcirMethod(device, SafeTensors(find_model("ecir")), kHeight, kWidth, {}));
         for (const auto& [label, flops] : run) {
-            INFO(label, " of ", flops, " operations, but layers/reference/conv_cases.cpp has none");
+            INFO(label, " of ", flops, " operations, but layers/reference has no such case");
             CHECK(tried.contains({label, flops}));
         }
         for (const auto& [label, flops] : tried) {

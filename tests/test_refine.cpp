@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "layers/elementwise.hpp"
 #include "layers/reference/refine.hpp"
 #include "layers/refine.hpp"
 #include "runtime/error.hpp"
@@ -10,28 +11,24 @@ using namespace ecir;
 
 namespace {
 
-/// The update by the kernel; all tensors in one layout, but for another row pitch of the frames;
-/// values dense.
-std::vector<float> update(Device& device, const Layout& layout, const std::vector<float>& initial,
-                          const std::vector<float>& frames, const std::vector<float>& residuals,
-                          const AlphaWeights& alpha, uint32_t frame_pitch = 0) {
+/// The update by the kernel, of d frames; values dense.
+std::vector<float> update(Device& device, const reference::ImageSize& size, uint32_t d,
+                          const std::vector<float>& initial, const std::vector<float>& frames,
+                          const std::vector<float>& residuals, const AlphaWeights& alpha,
+                          uint32_t pitch = 0) {
     Program program(device);
-    Layout frame_layout = layout;
-    frame_layout.pitch = frame_pitch;
-    Layout between = layout;
-    between.channels = std::max(layout.channels, 2U) - 1;
+    const Layout layout{d, size.height, size.width, 1, 1, pitch};
+    Layout state_layout = refine_state_layout(d, size.height, size.width);
+    state_layout.pitch = pitch;
     const Tensor initial_input = program.input(layout);
-    const Tensor frame_input = program.input(frame_layout);
-    const Tensor residual_input = program.input(between);
+    const Tensor frame_input = program.input(layout);
+    const Tensor state = program.input(state_layout);
     const Tensor updated = program.output(layout);
-    record_refine_update(program, initial_input, frame_input,
-                         layout.channels > 1 ? residual_input : Tensor(), alpha, updated);
+    record_refine_update(program, initial_input, frame_input, state, alpha, updated);
     program.finish();
     program.write(initial_input, from_dense(layout, initial));
-    program.write(frame_input, from_dense(frame_layout, frames));
-    if (layout.channels > 1) {
-        program.write(residual_input, from_dense(between, residuals));
-    }
+    program.write(frame_input, from_dense(layout, frames));
+    program.write(state, from_dense(state_layout, reference::residual_state(residuals, d, size)));
     program.run();
     return to_dense(layout, program.read(updated));
 }
@@ -39,87 +36,66 @@ std::vector<float> update(Device& device, const Layout& layout, const std::vecto
 } // namespace
 
 TEST_SUITE("refine") {
-    TEST_CASE("network input: frames, gradients, events and the residual before, in this order") {
+    TEST_CASE("state: frames, gradients, events and the residual before, in this order") {
         const auto device = Device::open();
         Program program(*device);
-        const Layout two{3, 2, 2, 1, 1, 0};
-        const Layout pair{4, 2, 2, 1, 0, 0};
-        const Layout one{2, 2, 2, 1, 1, 0};
-        const Layout result{9, 2, 2, 8, 1, 0};
+        const Layout two{3, 2, 2, 1, 1};
+        const Layout pair{4, 2, 2};
+        const Layout result = refine_state_layout(3, 2, 2);
         const Tensor frames = program.input(two);
         const Tensor counts = program.input(pair);
-        const Tensor residuals = program.input(one);
-        const Tensor input = program.output(result);
-        program.clear(input);
-        record_refine_input(program, frames, counts, residuals, 1, input);
+        const Tensor one = program.input({1, 2, 2});
+        const Tensor none = program.input({1, 2, 2});
+        const Tensor state = program.output(result);
+        program.clear(state);
+        record_refine_state(program, frames, &counts, state);
+        record_add(program, one, none, refine_residual(state, 0));
         program.finish();
         program.write(frames,
                       from_dense(two, std::vector<float>{9, 9, 9, 9, 1, 2, 4, 8, 5, 5, 6, 6}));
         program.write(counts, from_dense(pair, std::vector<float>{9, 9, 9, 9, 9, 9, 9, 9, 1, 0, 0,
                                                                   2, 0, 3, 0, 0}));
-        program.write(residuals, from_dense(one, std::vector<float>{7, 8, 9, 10, 9, 9, 9, 9}));
+        program.write(one, std::vector<float>{7, 8, 9, 10});
+        program.write(none, std::vector<float>(4));
         program.run();
-        CHECK(to_dense(result, program.read(input)) ==
-              std::vector<float>{1, 2,  4,  8,    // frame 1
-                                 5, 5,  6,  6,    // frame 2
-                                 0, -1, 0,  -4,   // left neighbour less pixel
-                                 0, 0,  -3, -6,   // upper neighbour less pixel
-                                 0, 0,  0,  0,    //
-                                 0, 0,  -1, -1,   //
-                                 1, 0,  0,  2,    // positive events of interval 1
-                                 0, 3,  0,  0,    //
-                                 7, 8,  9,  10}); // residual 0
-    }
-
-    TEST_CASE("network input: channels that fill up the last block are left alone") {
-        const auto device = Device::open();
-        for (const uint32_t interval : {0U, 1U}) {
-            CAPTURE(interval);
-            Program program(*device);
-            const Layout many{16, 3, 5, 16, 1, 0};
-            const Tensor frames = program.input({3, 3, 5, 1, 1, 0});
-            const Tensor counts = program.input({4, 3, 5, 1, 0, 0});
-            const Tensor input = program.output(many);
-            program.clear(input);
-            const uint32_t channels = residual_channels(interval);
-            record_refine_input(program, frames, counts, frames, interval,
-                                input.channels(0, channels));
-            program.finish();
-            program.write(frames, std::vector<float>(size_t{3} * 5 * 7, 1));
-            program.run();
-            const auto values = to_dense(many, program.read(input));
-            CHECK(values.at(8 * 15) ==
-                  (interval == 0 ? 0.0F : 1.0F)); // a frame of ones as residual
-            CHECK(std::all_of(values.begin() + 9 * 15, values.end(),
-                              [](float value) { return value == 0; }));
-        }
+        const Layout input = refine_network_input(state, 1).layout();
+        const auto values = program.read(state).subspan(
+            refine_network_input(state, 1).byte_offset() / sizeof(float));
+        CHECK(to_dense(input, values) == std::vector<float>{1, 2,  4,  8,  // frame 1
+                                                            0, -1, 0,  -4, // left less pixel
+                                                            0, 0,  -3, -6, // upper less pixel
+                                                            1, 0,  0,  2,  // positive events
+                                                            0, 3,  0,  0,  // of interval 1
+                                                            7, 8,  9,  10, // residual 0
+                                                            5, 5,  6,  6,  // frame 2
+                                                            0, 0,  0,  0,  //
+                                                            0, 0,  -1, -1});
     }
 
     TEST_CASE("update: by hand, at the first, an inner and the last frame") {
         const auto device = Device::open();
         AlphaWeights alpha{};
         alpha[9] = 5; // alpha = 0.5 everywhere
-        const Layout pixel{3, 1, 1, 1, 1, 0};
+        const reference::ImageSize pixel{1, 1};
         // directions: 2 (1 - 0) + 2 (1 + 10 - 2), 2 (2 - 0) - 2 (1 + 10 - 2) + 2 (2 + 20 - 4),
         //             2 (4 - 0) - 2 (2 + 20 - 4)
-        const auto moved = update(*device, pixel, {0, 0, 0}, {1, 2, 4}, {10, 20}, alpha);
+        const auto moved = update(*device, pixel, 3, {0, 0, 0}, {1, 2, 4}, {10, 20}, alpha);
         CHECK(moved[0] == doctest::Approx(1 - 0.5 * 20));
         CHECK(moved[1] == doctest::Approx(2 - 0.5 * 22));
         CHECK(moved[2] == doctest::Approx(4 - 0.5 * -28));
-        const Layout single{1, 1, 1, 1, 0, 0};
-        CHECK(update(*device, single, {0.5F}, {1}, {}, alpha)[0] == doctest::Approx(0.5));
+        CHECK(update(*device, pixel, 1, {0.5F}, {1}, {}, alpha)[0] == doctest::Approx(0.5));
     }
 
     TEST_CASE("update: alpha is never negative, and frames that fit everything stay") {
         const auto device = Device::open();
         CaseRandom random(4);
-        const Layout layout{3, 4, 5, 1, 1, 0};
+        const reference::ImageSize size{4, 5};
         const auto frames = random.values(60, 0, 1);
         const auto initial = random.values(60, 0, 1);
         const auto residuals = random.values(40, -1, 1);
         AlphaWeights alpha{};
         alpha.fill(-1);
-        CHECK(update(*device, layout, initial, frames, residuals, alpha) == frames);
+        CHECK(update(*device, size, 3, initial, frames, residuals, alpha) == frames);
         // Whole numbers: residuals that are exactly the frames' differences.
         std::vector<float> whole(60);
         std::vector<float> differences(40);
@@ -130,7 +106,7 @@ TEST_SUITE("refine") {
             differences[i] = whole[i + 20] - whole[i];
         }
         alpha.fill(1);
-        CHECK(update(*device, layout, whole, whole, differences, alpha) == whole);
+        CHECK(update(*device, size, 3, whole, whole, differences, alpha) == whole);
     }
 
     TEST_CASE("update: frames larger together than the device can bind") {
@@ -139,9 +115,8 @@ TEST_SUITE("refine") {
         if (range > uint64_t{256} << 20) {
             return; // nothing of a sensible size exceeds it
         }
-        // Rows far apart: four frames to a view.
+        // Rows far apart: three frames' state to a view.
         const reference::ImageSize size{2, 3};
-        const Layout layout{5, 2, 3, 1, 0, 0};
         CaseRandom random(8);
         const auto frames = random.values(5 * size.pixels(), 0, 1);
         const auto initial = random.values(5 * size.pixels(), 0, 1);
@@ -149,8 +124,8 @@ TEST_SUITE("refine") {
         AlphaWeights alpha{};
         alpha.fill(0.2F);
         const auto expected = reference::refine_update(initial, frames, residuals, alpha, size);
-        const auto moved = update(*device, layout, initial, frames, residuals, alpha,
-                                  static_cast<uint32_t>(range / 4 / 2 / 5));
+        const auto moved = update(*device, size, 5, initial, frames, residuals, alpha,
+                                  static_cast<uint32_t>(range / 4 / 4 / 19));
         REQUIRE(moved.size() == expected.size());
         for (size_t i = 0; i < moved.size(); ++i) {
             CHECK(moved[i] == doctest::Approx(expected[i]).epsilon(1e-5));
@@ -161,15 +136,17 @@ TEST_SUITE("refine") {
         const auto device = Device::open();
         Program program(*device);
         const Tensor frames = program.input({3, 4, 5, 1, 1, 0});
-        const Tensor counts = program.input({4, 4, 5, 1, 0, 0});
+        const Tensor counts = program.input({4, 4, 5});
         const Tensor narrow = program.input({3, 4, 4, 1, 1, 0});
         const Tensor blocked = program.input({3, 4, 5, 8, 1, 0});
-        const Tensor input = program.output({9, 4, 5, 8, 1, 0});
-        CHECK_THROWS_AS(record_refine_input(program, frames, counts, frames, 2, input), Error);
-        CHECK_THROWS_AS(record_refine_input(program, narrow, counts, frames, 0, input), Error);
-        CHECK_THROWS_AS(record_refine_input(program, frames, counts, narrow, 1, input), Error);
-        CHECK_THROWS_AS(record_refine_update(program, frames, frames, narrow, {}, frames), Error);
-        CHECK_THROWS_AS(record_refine_update(program, frames, blocked, frames, {}, frames), Error);
-        CHECK_THROWS_AS(record_refine_update(program, frames, frames, Tensor(), {}, frames), Error);
+        const Tensor bare = program.input({3, 4, 5});
+        const Tensor state = program.input(refine_state_layout(3, 4, 5));
+        const Tensor small = program.input(refine_state_layout(2, 4, 5));
+        CHECK_THROWS_AS(record_refine_state(program, frames, &counts, small), Error);
+        CHECK_THROWS_AS(record_refine_state(program, narrow, &counts, state), Error);
+        CHECK_THROWS_AS(record_refine_state(program, frames, &frames, state), Error);
+        CHECK_THROWS_AS(record_refine_update(program, frames, frames, small, {}, frames), Error);
+        CHECK_THROWS_AS(record_refine_update(program, frames, blocked, state, {}, frames), Error);
+        CHECK_THROWS_AS(record_refine_update(program, frames, bare, state, {}, frames), Error);
     }
 }

@@ -29,5 +29,7 @@ Trial conv_trial(Device& device, uint32_t trial);
 Trial conv_tile_trial(Device& device, uint32_t trial);
 /// Convolutions with one output channel (layers/conv_plane.hpp).
 Trial conv_plane_trial(Device& device, uint32_t trial);
+/// Two convolutions to one channel in one (layers/conv_pair.hpp).
+Trial conv_pair_trial(Device& device, uint32_t trial);
 
 } // namespace ecir

@@ -61,13 +61,12 @@ void collect_fusion(Collector& add, uint32_t block) {
     const auto [x, y, z] = widths.head;
     const uint32_t features = fusion_basis_layout({z, 1, 1, block}).channels;
     add.add(4, {.inputs = {b}, .out = features, .relu = false});
-    add.add(1, {.inputs = {plane_count}, .out = x, .bias = false, .relu = false, .planar = 1});
     add.add(1, {.kernel = 5, .stride = 2, .inputs = {plane_count}, .out = y, .planar = 1});
     add.down(2, y, z, 3, true);
     add.plain(4, z);
     add.up(2, {z}, y, 3, true);
     add.plain(2, y);
-    add.up(1, {y}, x, 3, true);
+    add.add(1, {.stride = 2, .transposed = true, .inputs = {y}, .out = x, .relu = false});
 }
 
 void collect_ecir(Collector& add) {
@@ -98,11 +97,6 @@ void collect_ecir(Collector& add) {
                 .out = config.keypoints,
                 .relu = false,
                 .planar = 1});
-    for (const char* name : {"refine.first_res_net", "refine.other_res_net", "refine.final"}) {
-        const uint32_t in = width(name, 1);
-        add.add(
-            1, {.inputs = {in}, .out = width(name, 0), .bias = false, .planar = in == 1 ? 1U : 0U});
-    }
 }
 
 } // namespace

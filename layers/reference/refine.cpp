@@ -4,45 +4,27 @@
 #include <array>
 #include <string>
 
+#include "layers/elementwise.hpp"
+
 namespace ecir {
 namespace {
 
-struct InputCase {
-    uint32_t width, height;
-    uint32_t d, interval;
-    uint32_t block; ///< 0 for the device's
-};
-
-/// The last one: as in the network.
-constexpr std::array<InputCase, 9> input_cases = {{
-    {1, 1, 2, 0, 8},
-    {1, 1, 3, 1, 8},
-    {17, 5, 2, 0, 8},
-    {17, 5, 14, 12, 16},
-    {64, 3, 5, 3, 4},
-    {65, 9, 4, 2, 8},
-    {130, 2, 3, 1, 16},
-    {3, 33, 14, 7, 1},
-    {240, 180, 14, 7, 0},
-}};
-
-struct UpdateCase {
+struct Case {
     uint32_t width, height;
     uint32_t d;
-    uint32_t halo;
 };
 
 /// The last one: as in the network.
-constexpr std::array<UpdateCase, 9> update_cases = {{
-    {1, 1, 1, 1},
-    {1, 1, 3, 0},
-    {17, 5, 1, 0},
-    {17, 5, 2, 1},
-    {1, 19, 4, 1},
-    {65, 3, 14, 1},
-    {64, 2, 3, 2},
-    {33, 11, 5, 0},
-    {240, 180, 14, 1},
+constexpr std::array<Case, 9> cases = {{
+    {1, 1, 1},
+    {1, 1, 3},
+    {17, 5, 1},
+    {17, 5, 2},
+    {1, 19, 4},
+    {65, 3, 14},
+    {88, 2, 3},
+    {33, 11, 5},
+    {240, 180, 14},
 }};
 
 std::string size_text(uint32_t width, uint32_t height) {
@@ -51,34 +33,40 @@ std::string size_text(uint32_t width, uint32_t height) {
 
 } // namespace
 
-std::vector<double> reference::refine_input(std::span<const float> frames,
-                                            std::span<const float> counts,
-                                            std::span<const float> residuals, uint32_t interval,
-                                            const ImageSize& size) {
-    const auto channel = [&](std::span<const float> from, size_t c) {
-        return from.subspan(c * size.pixels(), size.pixels());
-    };
-    std::vector<double> result;
-    const auto append = [&](std::span<const float> values) {
-        result.insert(result.end(), values.begin(), values.end());
-    };
-    append(channel(frames, interval));
-    append(channel(frames, interval + 1));
-    for (const uint32_t frame : {interval, interval + 1}) {
-        const auto values = channel(frames, frame);
-        for (size_t i = 0; i < values.size(); ++i) {
-            result.push_back(i % size.width == 0 ? 0 : double{values[i - 1]} - values[i]);
+std::vector<double> reference::refine_state(std::span<const float> frames,
+                                            std::span<const float> counts, const ImageSize& size) {
+    const size_t pixels = size.pixels();
+    const size_t d = frames.size() / pixels;
+    std::vector<double> state;
+    for (size_t i = 0; i < d; ++i) {
+        const auto values = frames.subspan(i * pixels, pixels);
+        state.insert(state.end(), values.begin(), values.end());
+        for (size_t p = 0; p < pixels; ++p) {
+            state.push_back(p % size.width == 0 ? 0 : double{values[p - 1]} - values[p]);
         }
-        for (size_t i = 0; i < values.size(); ++i) {
-            result.push_back(i < size.width ? 0 : double{values[i - size.width]} - values[i]);
+        for (size_t p = 0; p < pixels; ++p) {
+            state.push_back(p < size.width ? 0 : double{values[p - size.width]} - values[p]);
         }
+        if (i + 1 < d) {
+            const auto events = counts.subspan(2 * i * pixels, 2 * pixels);
+            state.insert(state.end(), events.begin(), events.end());
+        }
+        state.resize((i + 1) * refine_planes * pixels);
     }
-    append(channel(counts, 2 * size_t{interval}));
-    append(channel(counts, 2 * size_t{interval} + 1));
-    if (interval > 0) {
-        append(channel(residuals, interval - 1));
+    return state;
+}
+
+std::vector<float> reference::residual_state(std::span<const float> residuals, uint32_t frames,
+                                             const ImageSize& size) {
+    const size_t pixels = size.pixels();
+    std::vector<float> state(size_t{refine_planes} * frames * pixels);
+    for (size_t i = 0; i + 1 < frames; ++i) {
+        std::ranges::copy(residuals.subspan(i * pixels, pixels),
+                          state.begin() +
+                              static_cast<std::ptrdiff_t>(
+                                  (refine_planes * (i + 1) + refine_residual_plane) * pixels));
     }
-    return result;
+    return state;
 }
 
 std::vector<double> reference::refine_update(std::span<const float> initial,
@@ -115,50 +103,43 @@ std::vector<double> reference::refine_update(std::span<const float> initial,
     return updated;
 }
 
-Trial refine_input_trial(Device& device, uint32_t trial) {
-    const InputCase& shape = input_cases.at(trial);
+Trial refine_state_trial(Device& device, uint32_t trial) {
+    const Case& shape = cases.at(trial);
     const reference::ImageSize size{shape.height, shape.width};
-    const uint32_t block = case_block(device, shape.block);
     CaseRandom random(400 + trial);
     const uint32_t intervals = shape.d - 1;
     const auto frames = random.values(shape.d * size.pixels(), -0.5, 1.5);
-    const auto residuals = random.values(intervals * size.pixels(), -1, 1);
-    std::vector<float> counts(2 * intervals * size.pixels());
+    std::vector<float> counts(size_t{2} * intervals * size.pixels());
     for (float& count : counts) {
         count = static_cast<float>(random.integer(0, 9));
     }
-
     Trial result;
-    result.shape = size_text(shape.width, shape.height) + " interval " +
-                   std::to_string(shape.interval) + " of " + std::to_string(intervals) +
-                   ", block " + std::to_string(block);
+    result.shape = std::to_string(shape.d) + " frames " + size_text(shape.width, shape.height);
     result.program = std::make_unique<Program>(device);
     Program& program = *result.program;
-    const Layout frame_layout{shape.d, shape.height, shape.width, 1, 1, 0};
-    // The inputs of trials with an odd number come blocked.
-    const Layout count_layout{
-        2 * intervals, shape.height, shape.width, trial % 2 == 0 ? 1U : 4U, 0, 0};
-    const Layout residual_layout{intervals, shape.height, shape.width, trial % 2 == 0 ? 1U : 8U, 1,
-                                 0};
-    const Tensor frame_input = program.input(frame_layout);
-    const Tensor count_input = program.input(count_layout);
-    const Tensor residual_input = program.input(residual_layout);
-    result.output =
-        program.output({residual_channels(shape.interval), shape.height, shape.width, block, 1, 0});
+    const uint32_t halo = trial % 2;
+    const Tensor frame_input = program.input({shape.d, shape.height, shape.width, 1, halo});
+    const Tensor doubled = program.temporary(frame_input.layout());
+    record_add(program, frame_input, frame_input, doubled);
+    const Tensor count_input =
+        program.input({std::max(2 * intervals, 1U), shape.height, shape.width, 1, 1 - halo});
+    result.output = program.output(refine_state_layout(shape.d, shape.height, shape.width));
     program.clear(result.output);
+    // First with the counts of the case and twice its frames, then its frames and no counts.
+    record_refine_state(program, doubled, &count_input, result.output);
     result.first_step = program.steps();
-    record_refine_input(program, frame_input, count_input, residual_input, shape.interval,
-                        result.output);
+    record_refine_state(program, frame_input, nullptr, result.output);
     program.finish();
-    program.write(frame_input, from_dense(frame_layout, frames));
-    program.write(count_input, from_dense(count_layout, counts));
-    program.write(residual_input, from_dense(residual_layout, residuals));
-    result.reference = reference::refine_input(frames, counts, residuals, shape.interval, size);
+    program.write(frame_input, from_dense(frame_input.layout(), frames));
+    if (intervals > 0) {
+        program.write(count_input, from_dense(count_input.layout(), counts));
+    }
+    result.reference = reference::refine_state(frames, counts, size);
     return result;
 }
 
 Trial refine_update_trial(Device& device, uint32_t trial) {
-    const UpdateCase& shape = update_cases.at(trial);
+    const Case& shape = cases.at(trial);
     const reference::ImageSize size{shape.height, shape.width};
     CaseRandom random(500 + trial);
     const auto initial = random.values(shape.d * size.pixels(), 0, 1);
@@ -171,29 +152,22 @@ Trial refine_update_trial(Device& device, uint32_t trial) {
     alpha[9] = 0.25F; // both signs of alpha before its ReLU
 
     Trial result;
-    result.shape = std::to_string(shape.d) + " frames " + size_text(shape.width, shape.height) +
-                   " halo " + std::to_string(shape.halo);
+    result.shape = std::to_string(shape.d) + " frames " + size_text(shape.width, shape.height);
     result.program = std::make_unique<Program>(device);
     Program& program = *result.program;
-    const Layout layout{shape.d, shape.height, shape.width, 1, shape.halo, 0};
-    Layout between = layout;
-    between.channels = shape.d - 1;
+    const Layout layout{shape.d, shape.height, shape.width, 1, 1};
     const Tensor initial_input = program.input(layout);
     const Tensor frame_input = program.input(layout);
-    Tensor residual_input;
-    if (shape.d > 1) {
-        residual_input = program.input(between);
-    }
+    const Tensor state = program.input(refine_state_layout(shape.d, shape.height, shape.width));
     result.output = program.output(layout);
     program.clear(result.output);
     result.first_step = program.steps();
-    record_refine_update(program, initial_input, frame_input, residual_input, alpha, result.output);
+    record_refine_update(program, initial_input, frame_input, state, alpha, result.output);
     program.finish();
     program.write(initial_input, from_dense(layout, initial));
     program.write(frame_input, from_dense(layout, frames));
-    if (shape.d > 1) {
-        program.write(residual_input, from_dense(between, residuals));
-    }
+    program.write(state,
+                  from_dense(state.layout(), reference::residual_state(residuals, shape.d, size)));
     result.reference = reference::refine_update(initial, frames, residuals, alpha, size);
     return result;
 }

@@ -15,10 +15,13 @@ struct ImageSize {
     [[nodiscard]] size_t pixels() const { return size_t{height} * width; }
 };
 
-/// Input of the residual network of `interval` as record_refine_input() describes it, in double.
-std::vector<double> refine_input(std::span<const float> frames, std::span<const float> counts,
-                                 std::span<const float> residuals, uint32_t interval,
+/// The state that record_refine_state() writes, in double; the residuals' planes 0.
+std::vector<double> refine_state(std::span<const float> frames, std::span<const float> counts,
                                  const ImageSize& size);
+
+/// Dense planes of a state with these residuals and zeros for everything else.
+std::vector<float> residual_state(std::span<const float> residuals, uint32_t frames,
+                                  const ImageSize& size);
 
 /// The step that record_refine_update() describes, in double, for all d frames.
 std::vector<double> refine_update(std::span<const float> initial, std::span<const float> frames,
@@ -29,7 +32,7 @@ std::vector<double> refine_update(std::span<const float> initial, std::span<cons
 
 namespace ecir {
 
-Trial refine_input_trial(Device& device, uint32_t trial);
+Trial refine_state_trial(Device& device, uint32_t trial);
 Trial refine_update_trial(Device& device, uint32_t trial);
 
 } // namespace ecir
