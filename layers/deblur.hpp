@@ -22,13 +22,15 @@ struct DeblurOptions {
     std::optional<uint32_t> refine;
     /// Keypoints of the curve; must be what the model was trained for.
     std::optional<uint32_t> keypoints;
-    /// For `edi` and fusion networks; unset: estimated from each frame and its events.
+    /// For `edi` and fusion networks; unset: estimated from the frames and their events, those of
+    /// the first frames for all that follow (EdiThresholdTrack).
     std::optional<EdiThresholds> thresholds;
 };
 
 /// The library's main entry: a motion-blurred frame and the events of its exposure to sharp frames
-/// at any times of the exposure. One object serves one image size; a program is recorded at the
-/// first frame and replayed as long as the number of times stays.
+/// at any times of the exposure. One object serves one sensor, whose contrast thresholds it may
+/// learn from frame to frame, and one image size; a program is recorded at the first frame and
+/// replayed as long as the number of times stays.
 class Deblur {
 public:
     /// Throws Error: bad_input for a model that cannot be found or read, usage for options that the

@@ -63,40 +63,4 @@ std::vector<uint32_t> edi_busy_pixels(const PackedEvents& events);
 void record_edi(Program& program, const EdiInput& input, const Tensor& schedule, const Tensor& busy,
                 const Tensor& frames);
 
-/// Moments by which the thresholds are judged; see layers/edi_threshold.hpp for what they mean and
-/// shaders/edi_moments.comp for their sums. A pixel with more than edi_busy_events / bin^2 events
-/// counts as one without: it is faulty rather than telling.
-
-/// Time windows, each between two of the edi_windows + 1 frames at even times from -1 to 1.
-inline constexpr uint32_t edi_windows = 64;
-
-/// Added to a tile's squared gradients of ln(L + e) over its 64 samples, times c+ c-, before its
-/// motion is solved for: what texture as weak as the events' noise has.
-inline constexpr float edi_motion_ridge = 0.05F;
-
-/// Geometry of the moments for a sensor: it is first binned to at most 480 pixels a side.
-struct EdiMomentShape {
-    uint32_t bin;    ///< sensor pixels a side of a bin; what does not fill one is left out
-    uint32_t width;  ///< of the binned frames
-    uint32_t height; ///< of the binned frames
-    uint32_t tile_columns;
-    uint32_t tile_rows;
-    [[nodiscard]] uint32_t tiles() const { return tile_columns * tile_rows; }
-    /// Layout of the moments: [4][edi_windows][tiles].
-    [[nodiscard]] Layout layout() const { return {4, edi_windows, tiles()}; }
-};
-
-/// Throws Error(bad_input) for less than 16 pixels a side.
-EdiMomentShape edi_moment_shape(uint32_t width, uint32_t height);
-
-/// The even times of the frames between which the windows lie.
-std::vector<double> edi_window_times();
-
-/// Records the moments for input.thresholds.
-/// schedule    input [1][2][edi_windows + 1], edi_schedule(edi_window_times())
-/// moments     output of EdiMomentShape::layout()
-/// Errors as record_edi().
-void record_edi_moments(Program& program, const EdiInput& input, const Tensor& schedule,
-                        const Tensor& moments);
-
 } // namespace ecir

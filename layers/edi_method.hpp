@@ -7,7 +7,7 @@
 
 namespace ecir {
 
-/// EDI (layers/edi.hpp) with given thresholds, or ones estimated from each frame and its events.
+/// EDI (layers/edi.hpp) with given thresholds, or estimated ones (EdiThresholdSource).
 class EdiMethod : public Method {
 public:
     EdiMethod(std::shared_ptr<Device> device, uint32_t height, uint32_t width,

@@ -104,20 +104,19 @@ EdiBalance edi_balance(std::span<const float> moments, uint32_t tiles) {
     return result;
 }
 
-EdiThresholds solve_edi_thresholds(const std::function<EdiBalance(const EdiThresholds&)>& balance) {
-    constexpr double probe = 0.1;
+EdiEstimate solve_edi_thresholds(const std::function<EdiBalance(const EdiThresholds&)>& balance) {
     constexpr double longest_step = 0.3;
-    constexpr double close_enough = 0.01;
-    constexpr int steps = 4;
+    constexpr double close_enough = 0.04; // what is left after such a step is of second order
+    constexpr int most_steps = 4;
+    constexpr double drift_by_ratio = 0.5; // mostly 0.3 to 0.7
     const Crossing crossing = find_crossing(balance);
     Point point = crossing.point;
     EdiBalance here = crossing.value;
-    const EdiBalance beside = balance(thresholds_at({point.size, point.ratio + probe}));
     // Derivatives of the tests by size and ratio.
-    std::array<double, 2> blur = {crossing.blur_slope, (beside.blur - here.blur) / probe};
-    std::array<double, 2> drift = {crossing.drift_slope, (beside.drift - here.drift) / probe};
+    std::array<double, 2> blur = {crossing.blur_slope, 0};
+    std::array<double, 2> drift = {crossing.drift_slope, drift_by_ratio};
 
-    for (int step = 0; step < steps; ++step) {
+    for (int step = 0;; ++step) {
         // Gauss-Newton on the squared tests and the squared distance from the prior.
         const double wb = weight(here.blur_error, fit_error);
         const double wd = weight(here.drift_error, 1e-9);
@@ -139,45 +138,59 @@ EdiThresholds solve_edi_thresholds(const std::function<EdiBalance(const EdiThres
                                     -0.5, 0.5)};
         const double ds = next.size - point.size;
         const double dr = next.ratio - point.ratio;
-        if (std::max(std::abs(ds), std::abs(dr)) < close_enough) {
-            break;
+        if (step == most_steps || std::max(std::abs(ds), std::abs(dr)) < close_enough) {
+            return {thresholds_at({next.size - noise_shrinkage, next.ratio}),
+                    std::sqrt(rr / determinant), std::sqrt(ss / determinant)};
         }
         const EdiBalance there = balance(thresholds_at(next));
         // Broyden's update; the slope that the walk found is kept in part, so that noise cannot
-        // turn it.
+        // turn it, nor that of the drift.
         const double length = ds * ds + dr * dr;
         const double blur_miss = there.blur - here.blur - blur[0] * ds - blur[1] * dr;
         const double drift_miss = there.drift - here.drift - drift[0] * ds - drift[1] * dr;
         blur = {std::min(blur[0] + blur_miss * ds / length, 0.3 * crossing.blur_slope),
                 blur[1] + blur_miss * dr / length};
-        drift = {drift[0] + drift_miss * ds / length, drift[1] + drift_miss * dr / length};
+        drift = {drift[0] + drift_miss * ds / length,
+                 std::max(drift[1] + drift_miss * dr / length, 0.3 * drift_by_ratio)};
         point = next;
         here = there;
     }
-    return thresholds_at({point.size - noise_shrinkage, point.ratio});
 }
 
 EdiThresholdEstimator::EdiThresholdEstimator(Device& device, uint32_t width, uint32_t height)
     : device_(device), width_(width), height_(height), shape_(edi_moment_shape(width, height)) {}
 
 void EdiThresholdEstimator::record(uint32_t capacity) {
-    program_.reset(); // what it holds must be free before the next one asks for as much
-    auto program = std::make_unique<Program>(device_);
-    input_.offsets = program->input({1, 1, width_ * height_ + 1});
-    input_.times = program->input({1, 1, capacity});
-    input_.marks = program->input({1, 1, capacity});
-    input_.blurry = program->input({1, height_, width_});
-    input_.thresholds = program->input({1, 1, 2});
-    schedule_ = program->input({1, 2, edi_windows + 1});
-    moments_ = program->output(shape_.layout());
-    record_edi_moments(*program, input_, schedule_, moments_);
-    program->finish();
-    program->write(schedule_, edi_schedule(edi_window_times()));
-    program_ = std::move(program); // none is left behind unfinished
+    field_maker_.reset(); // what they hold must be free before the next ones ask for as much
+    tester_.reset();
+    const auto make_input = [&](Program& program) {
+        EdiInput input;
+        input.offsets = program.input({1, 1, width_ * height_ + 1});
+        input.times = program.input({1, 1, capacity});
+        input.marks = program.input({1, 1, capacity});
+        input.blurry = program.input({1, height_, width_});
+        input.thresholds = program.input({1, 1, 2});
+        return input;
+    };
+    auto maker = std::make_unique<Program>(device_);
+    frame_ = make_input(*maker);
+    fields_ = maker->output(shape_.fields());
+    record_edi_fields(*maker, frame_, fields_);
+    maker->finish();
+
+    auto tester = std::make_unique<Program>(device_);
+    tested_ = make_input(*tester);
+    tested_fields_ = tester->input(shape_.fields());
+    moments_ = tester->output(shape_.moments());
+    record_edi_moments(*tester, tested_, tested_fields_, moments_);
+    tester->finish();
+
+    field_maker_ = std::move(maker); // none is left behind unfinished
+    tester_ = std::move(tester);
     capacity_ = capacity;
 }
 
-void EdiThresholdEstimator::upload(const PackedEvents& events, std::span<const float> blurry) {
+void EdiThresholdEstimator::prepare(const PackedEvents& events, std::span<const float> blurry) {
     const size_t pixels = size_t{width_} * height_;
     if (blurry.size() != pixels || events.offset.size() != pixels + 1) {
         throw Error(ExitCode::bad_input, "threshold estimation for " + std::to_string(width_) +
@@ -187,32 +200,38 @@ void EdiThresholdEstimator::upload(const PackedEvents& events, std::span<const f
                                              std::to_string(events.offset.size() - 1) + " pixels");
     }
     const auto count = static_cast<uint32_t>(events.size());
-    if (!program_ || count > capacity_) {
-        // Room for half as many more, so that a recording seldom needs a new program.
+    if (!tester_ || count > capacity_) {
+        // Room for half as many more, so that a recording seldom needs new programs.
         record(std::max(1024U, count + count / 2));
     }
-    program_->write(input_.offsets, events.offset);
-    program_->write(input_.times, events.time);
-    program_->write(input_.marks, events.mark);
-    program_->write(input_.blurry, blurry);
+    const auto write = [&](Program& program, const EdiInput& input) {
+        program.write(input.offsets, events.offset);
+        program.write(input.times, events.time);
+        program.write(input.marks, events.mark);
+        program.write(input.blurry, blurry);
+    };
+    write(*field_maker_, frame_);
+    field_maker_->run();
+    write(*tester_, tested_);
+    tester_->write(tested_fields_, field_maker_->read(fields_));
 }
 
 EdiBalance EdiThresholdEstimator::run(const EdiThresholds& thresholds) {
     const std::array<float, 2> values = {thresholds.positive, thresholds.negative};
-    program_->write(input_.thresholds, std::span<const float>(values));
-    program_->run();
-    return edi_balance(program_->read(moments_), shape_.tiles());
+    tester_->write(tested_.thresholds, std::span<const float>(values));
+    tester_->run();
+    return edi_balance(tester_->read(moments_), shape_.tiles());
 }
 
-EdiThresholds EdiThresholdEstimator::estimate(const PackedEvents& events,
-                                              std::span<const float> blurry) {
-    upload(events, blurry);
+EdiEstimate EdiThresholdEstimator::estimate(const PackedEvents& events,
+                                            std::span<const float> blurry) {
+    prepare(events, blurry);
     return solve_edi_thresholds([&](const EdiThresholds& thresholds) { return run(thresholds); });
 }
 
 EdiBalance EdiThresholdEstimator::balance(const PackedEvents& events, std::span<const float> blurry,
                                           const EdiThresholds& thresholds) {
-    upload(events, blurry);
+    prepare(events, blurry);
     return run(thresholds);
 }
 
@@ -229,7 +248,7 @@ EdiThresholdSource::EdiThresholdSource(Device& device, uint32_t width, uint32_t 
 
 EdiThresholds EdiThresholdSource::choose(const PackedEvents& events,
                                          std::span<const float> blurry) {
-    used_ = given_ ? *given_ : estimator_->estimate(events, blurry);
+    used_ = given_ ? *given_ : track_.next([&] { return estimator_->estimate(events, blurry); });
     return *used_;
 }
 

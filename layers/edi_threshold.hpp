@@ -4,7 +4,8 @@
 #include <optional>
 #include <span>
 
-#include "layers/edi.hpp"
+#include "layers/edi_moments.hpp"
+#include "layers/edi_track.hpp"
 #include "layers/event_pack.hpp"
 
 namespace ecir {
@@ -32,8 +33,8 @@ EdiBalance edi_balance(std::span<const float> moments, uint32_t tiles);
 
 /// The thresholds at which both tests come out 0, each within its error, traded off against a wide
 /// prior around 0.2 for both signs, which decides where events or texture are few. Always within
-/// 0.04 to 0.8. Calls `balance` at most 9 times.
-EdiThresholds solve_edi_thresholds(const std::function<EdiBalance(const EdiThresholds&)>& balance);
+/// 0.04 to 0.8. Calls `balance` at most 8 times, mostly 4.
+EdiEstimate solve_edi_thresholds(const std::function<EdiBalance(const EdiThresholds&)>& balance);
 
 /// The estimation on a device, for sensors of one size (16 x 16 or more).
 class EdiThresholdEstimator {
@@ -42,14 +43,14 @@ public:
 
     /// blurry: height x width values in [0, 1]. Throws Error(bad_input) for events or an image of
     /// another size. The same input gives the same thresholds to the bit.
-    EdiThresholds estimate(const PackedEvents& events, std::span<const float> blurry);
+    EdiEstimate estimate(const PackedEvents& events, std::span<const float> blurry);
 
     /// The tests for given thresholds.
     EdiBalance balance(const PackedEvents& events, std::span<const float> blurry,
                        const EdiThresholds& thresholds);
 
 private:
-    void upload(const PackedEvents& events, std::span<const float> blurry);
+    void prepare(const PackedEvents& events, std::span<const float> blurry);
     void record(uint32_t capacity);
     EdiBalance run(const EdiThresholds& thresholds);
 
@@ -57,15 +58,18 @@ private:
     uint32_t width_;
     uint32_t height_;
     EdiMomentShape shape_;
-    uint32_t capacity_ = 0; ///< events that the program takes
-    std::unique_ptr<Program> program_;
-    EdiInput input_;
-    Tensor schedule_;
+    uint32_t capacity_ = 0;                ///< events that the programs take
+    std::unique_ptr<Program> field_maker_; ///< runs once a frame
+    EdiInput frame_;
+    Tensor fields_;
+    std::unique_ptr<Program> tester_; ///< runs for each thresholds tested
+    EdiInput tested_;
+    Tensor tested_fields_;
     Tensor moments_;
 };
 
-/// Thresholds for one frame after the other: given, or estimated from each frame and its events;
-/// 0.2 on sensors too small to estimate from.
+/// Thresholds for one frame of a sensor after the other: given, or estimated from the frames and
+/// events up to then as EdiThresholdTrack says; 0.2 on sensors too small to estimate from.
 class EdiThresholdSource {
 public:
     EdiThresholdSource(Device& device, uint32_t width, uint32_t height,
@@ -80,6 +84,7 @@ private:
     std::optional<EdiThresholds> given_;
     std::optional<EdiThresholds> used_;
     std::unique_ptr<EdiThresholdEstimator> estimator_; ///< only where thresholds were not given
+    EdiThresholdTrack track_;
 };
 
 } // namespace ecir

@@ -67,8 +67,8 @@ private:
 /// estimated motion and corrected.
 class FusionMethod : public Method {
 public:
-    /// `thresholds`: given, else estimated from each frame and its events. `correct`: false for
-    /// the prior alone. Throws Error(bad_input) for weights that are not such a network's.
+    /// `thresholds`: given, else estimated (EdiThresholdSource). `correct`: false for the prior
+    /// alone. Throws Error(bad_input) for weights that are not such a network's.
     FusionMethod(std::shared_ptr<Device> device, const SafeTensors& weights, uint32_t height,
                  uint32_t width, std::optional<EdiThresholds> thresholds, bool correct = true);
 

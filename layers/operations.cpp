@@ -34,7 +34,7 @@ constexpr std::array kOperations = {
     Operation{"elementwise", 1e-6, "one float32 operation, or an exponential", 10,
               elementwise_trial, 2},
     Operation{"edi", 1e-5, "float32 sums of exponentials, one an event", 10, edi_trial, 1},
-    Operation{"edi_moments", 1e-4, "float32 differences of logarithms", 4, edi_moments_trial, 1},
+    Operation{"edi_moments", 1e-5, "float32 sums of squares", 4, edi_moments_trial, 1},
     Operation{"prior", 1e-5, "float32 sums of exponentials, one an event", 40, prior_trial, 1},
     Operation{"prior_frame", 1e-5, "float32 exponentials", 10, prior_frame_trial, 1},
     Operation{"motion", 1e-5, "float32 differences of logarithms", 9, motion_trial, 1},

@@ -9,12 +9,8 @@
 // a piece longer than zero, counted in whole events, so that any number of events stays finite; the
 // final one is cut at 80.
 //
-// LOGARITHM = 1: writes ln(L + e) averaged over BIN x BIN pixels instead, and the same average of
-// ln(B + e) as frame `count`.
-//
-// Pixels with more than BUSY events are left to edi_busy.comp; to LOGARITHM = 1 they are pixels
-// without events. lavapipe ends a shader's loops after 65535 iterations in all, and one long loop
-// would hold up a GPU.
+// Pixels with more than BUSY events are left to edi_busy.comp: lavapipe ends a shader's loops after
+// 65535 iterations in all, and one long loop would hold up a GPU.
 //
 // offsets     [sensor pixels + 1]: events of pixel p are offsets[p] ... offsets[p + 1] - 1
 // event_times [events] ascending within a pixel, in [-1, 1]
@@ -23,12 +19,10 @@
 // schedule    [2][count]: ascending frame times as floats, then the frame that each belongs to
 // thresholds  [2]: c+, c-
 // frames      any layout; frames first, ..., first + limit - 1 are written as channels 0, 1, ...
-// Precondition: sensor size >= BIN (width, height); width <= 64 x groups.x, height = groups.y.
-// Tile: one output pixel an invocation, 64 x 1 a workgroup.
+// Precondition: width <= 64 x groups.x, height = groups.y.
+// Tile: one pixel an invocation, 64 x 1 a workgroup.
 layout(local_size_x = 64) in;
-layout(constant_id = 0) const uint BIN = 1;
-layout(constant_id = 1) const uint LOGARITHM = 0;
-layout(constant_id = 2) const uint BUSY = 4096;
+layout(constant_id = 0) const uint BUSY = 4096;
 
 layout(std430, binding = 0) readonly buffer Offsets { uint offsets[]; };
 layout(std430, binding = 1) readonly buffer EventTimes { float event_times[]; };
@@ -36,14 +30,12 @@ layout(std430, binding = 2) readonly buffer Marks { uint marks[]; };
 layout(std430, binding = 3) readonly buffer Blurry { float blurry[]; };
 layout(std430, binding = 4) readonly buffer Schedule { uint schedule[]; };
 layout(std430, binding = 5) readonly buffer Thresholds { float thresholds[]; };
-layout(std430, binding = 6) buffer Frames { float frames[]; };
+layout(std430, binding = 6) writeonly buffer Frames { float frames[]; };
 
 layout(push_constant) uniform Push {
     TensorLayout blurry_layout;
     TensorLayout frames_layout;
-    uint width;  // of the frames
-    uint height; // of the frames
-    uint sensor_width;
+    uint width;
     uint blurry_channel;
     uint count;
     uint first;
@@ -54,66 +46,46 @@ layout(push_constant) uniform Push {
 
 const float AFTER = 2; // later than any frame
 
-void store(uint frame, uint y, uint x, float value, bool begun) {
-    if (frame < first || frame - first >= limit) {
-        return;
-    }
-    const uint at = element(frames_layout, frame - first, y, x);
-    if (LOGARITHM == 0) {
-        frames[at] = exp(min(value, LARGEST_EXPONENT)) - SMALL;
-    } else {
-        const float share = value * (1.0 / float(BIN * BIN));
-        frames[at] = begun ? frames[at] + share : share;
-    }
-}
-
 void main() {
     const uint x = gl_GlobalInvocationID.x;
     const uint y = gl_WorkGroupID.y;
     if (x >= width) {
         return;
     }
-    for (uint part = 0; part < BIN * BIN; ++part) {
-        const uint row = y * BIN + part / BIN;
-        const uint column = x * BIN + part % BIN;
-        const uint pixel = row * sensor_width + column;
-        const uint begin = offsets[pixel];
-        uint end = offsets[pixel + 1];
-        if (end - begin > BUSY) {
-            if (LOGARITHM == 0) {
-                return;
-            }
-            end = begin;
-        }
+    const uint pixel = y * width + x;
+    const uint begin = offsets[pixel];
+    const uint end = offsets[pixel + 1];
+    if (end - begin > BUSY) {
+        return;
+    }
 
-        Integral integral = Integral(ivec2(0), 0, true);
-        ivec2 state = ivec2(0);
-        float last = -1;
-        for (uint event = begin; event < end; ++event) {
-            const float time = event_times[event];
-            add_piece(integral, state, time - last);
-            last = time;
+    Integral integral = Integral(ivec2(0), 0, true);
+    ivec2 state = ivec2(0);
+    float last = -1;
+    for (uint event = begin; event < end; ++event) {
+        const float time = event_times[event];
+        add_piece(integral, state, time - last);
+        last = time;
+        state = next_state(state, marks[event]);
+    }
+    add_piece(integral, state, 1 - last);
+
+    const float base =
+        log(blurry[element(blurry_layout, blurry_channel, y, x)] + SMALL) - log(0.5 * integral.sum);
+    state = ivec2(0);
+    uint event = begin;
+    float next = event < end ? event_times[event] : AFTER;
+    for (uint k = 0; k < count; ++k) {
+        const float time = uintBitsToFloat(schedule[k]);
+        while (next <= time) {
             state = next_state(state, marks[event]);
+            ++event;
+            next = event < end ? event_times[event] : AFTER;
         }
-        add_piece(integral, state, 1 - last);
-
-        const float ln_blurry =
-            log(blurry[element(blurry_layout, blurry_channel, row, column)] + SMALL);
-        const float base = ln_blurry - log(0.5 * integral.sum);
-        state = ivec2(0);
-        uint event = begin;
-        float next = event < end ? event_times[event] : AFTER;
-        for (uint k = 0; k < count; ++k) {
-            const float time = uintBitsToFloat(schedule[k]);
-            while (next <= time) {
-                state = next_state(state, marks[event]);
-                ++event;
-                next = event < end ? event_times[event] : AFTER;
-            }
-            store(schedule[count + k], y, x, base + exponent(state - integral.peak), part > 0);
-        }
-        if (LOGARITHM != 0) {
-            store(count, y, x, ln_blurry, part > 0);
+        const uint frame = schedule[count + k];
+        if (frame >= first && frame - first < limit) {
+            frames[element(frames_layout, frame - first, y, x)] =
+                exp(min(base + exponent(state - integral.peak), LARGEST_EXPONENT)) - SMALL;
         }
     }
 }

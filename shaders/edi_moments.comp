@@ -1,48 +1,44 @@
 #version 450
+#extension GL_GOOGLE_include_directive : require
 
-// How well the event thresholds fit, by tile and time window. X_0 ... X_count are smoothed frames of
-// ln(L + e) at ascending times and b is the smoothed ln(B + e). For window k, with the brightness
-// change D = X_{k+1} - X_k, the gradient G = (grad X_k + grad X_{k+1}) / 2 and one motion v a tile,
+// How well the event thresholds fit, by tile and time window. With N+ and N- the smoothed events of
+// either sign, l the smoothed level of ln(L + e) at the exposure's start and b the smoothed ln(B + e):
+// for window k, with the brightness change D = c+ (N+ in the window) - c- (N- in it), the gradient
+// G = grad l + c+ grad N+ - c- grad N- in the middle of the window and one motion v a tile,
 //     v = -(sum G G^T + RIDGE c+ c- I)^-1 sum G D    (least squares on D + v . G = 0)
-// and the share r of sum D^2 that it explains (0 to 1), the sums over the tile's pixels are
+// and the share r of sum D^2 that it explains (0 to 1), the sums over the tile's samples are
 //     moments(0) = r sum (v . grad b) (D + v . G)      the blurry frame in the rest
 //     moments(1) = r sum (v . grad b)^2
 //     moments(2) = r sum (D + v . G)                   drift
 //     moments(3) = r sum |D|
-// Derivatives are central differences over five pixels; every second pixel in x and y counts.
 //
-// frames      [windows + 2][height][width]: X_0 ... X_windows, b
+// fields      [6 WINDOWS + 2][height][width]: in window 0, 1, ... N+; N-; the x derivatives of N+ in
+//             the middle of each, of N-, of b; the y derivatives likewise
+// level       [2][height][width]: grad l
 // thresholds  [2]: c+, c-
-// moments     [4][windows][tiles]
-// Precondition: width, height >= 5; tiles <= 64 x groups.x, windows = groups.y.
-// Tile: 8 x 8 samples of 2 pixels' distance; one tile of a window an invocation, in a fixed order.
+// moments     [4][WINDOWS][tiles]
+// Bindings: as listed.
+// Precondition: tiles <= 64 x groups.x, WINDOWS = groups.y.
+// Tile: SAMPLES x SAMPLES samples; one tile of a window an invocation, in a fixed order.
 layout(local_size_x = 64) in;
 layout(constant_id = 0) const float RIDGE = 0.05;
 
-layout(std430, binding = 0) readonly buffer Frames { float frames[]; };
-layout(std430, binding = 1) readonly buffer Thresholds { float thresholds[]; };
-layout(std430, binding = 2) writeonly buffer Moments { float moments[]; };
+layout(std430, binding = 0) readonly buffer Fields { float fields[]; };
+layout(std430, binding = 1) readonly buffer Level { float level[]; };
+layout(std430, binding = 2) readonly buffer Thresholds { float thresholds[]; };
+layout(std430, binding = 3) writeonly buffer Moments { float moments[]; };
 
 layout(push_constant) uniform Push {
-    uint frames_origin;
+    uint fields_origin;
+    uint level_origin;
     uint moments_origin;
-    uint width;
-    uint height;
-    uint windows;
+    uint width;  // in samples
+    uint height; // in samples
     uint tile_columns;
     uint tiles;
 };
 
-const uint SAMPLES = 8;
-const uint STEP = 2;
-const uint MARGIN = 2; // reach of a derivative
-
-vec2 gradient(uint at) {
-    const vec2 near = vec2(frames[at + 1] - frames[at - 1], frames[at + width] - frames[at - width]);
-    const vec2 far =
-        vec2(frames[at + 2] - frames[at - 2], frames[at + 2 * width] - frames[at - 2 * width]);
-    return (8 * near - far) / 12;
-}
+#include "edi_sampling.glsl"
 
 void main() {
     const uint tile = gl_GlobalInvocationID.x;
@@ -50,14 +46,19 @@ void main() {
     if (tile >= tiles) {
         return;
     }
-    const uint left = MARGIN + tile % tile_columns * (SAMPLES * STEP);
-    const uint top = MARGIN + tile / tile_columns * (SAMPLES * STEP);
-    const uint right = min(left + SAMPLES * STEP, width - MARGIN);
-    const uint bottom = min(top + SAMPLES * STEP, height - MARGIN);
+    const uint left = tile % tile_columns * SAMPLES;
+    const uint top = tile / tile_columns * SAMPLES;
+    const uint right = min(left + SAMPLES, width);
+    const uint bottom = min(top + SAMPLES, height);
     const uint plane = width * height;
-    const uint early = frames_origin + window * plane;
-    const uint late = early + plane;
-    const uint blurry = frames_origin + (windows + 1) * plane;
+    const uint group = WINDOWS * plane;
+    const uint changes = fields_origin + window * plane;
+    const uint x_slopes = changes + 2 * group;
+    const uint y_slopes = x_slopes + 2 * group + plane;
+    const uint still_x = fields_origin + 4 * group;
+    const uint still_y = still_x + 2 * group + plane;
+    const float up = thresholds[0];
+    const float down = thresholds[1];
 
     vec3 gg = vec3(0); // sums of Gx Gx, Gx Gy, Gy Gy
     vec2 gd = vec2(0); // G D
@@ -68,12 +69,15 @@ void main() {
     float d = 0;
     float dd = 0;
     float size = 0;
-    for (uint y = top; y < bottom; y += STEP) {
-        for (uint x = left; x < right; x += STEP) {
+    for (uint y = top; y < bottom; ++y) {
+        for (uint x = left; x < right; ++x) {
             const uint at = y * width + x;
-            const vec2 slope = 0.5 * (gradient(early + at) + gradient(late + at));
-            const vec2 still = gradient(blurry + at);
-            const float change = frames[late + at] - frames[early + at];
+            const vec2 slope =
+                vec2(level[level_origin + at], level[level_origin + plane + at]) +
+                up * vec2(fields[x_slopes + at], fields[y_slopes + at]) -
+                down * vec2(fields[x_slopes + group + at], fields[y_slopes + group + at]);
+            const vec2 still = vec2(fields[still_x + at], fields[still_y + at]);
+            const float change = up * fields[changes + at] - down * fields[changes + group + at];
             gg += vec3(slope.x * slope.x, slope.x * slope.y, slope.y * slope.y);
             gd += slope * change;
             bb += vec3(still.x * still.x, still.x * still.y, still.y * still.y);
@@ -86,7 +90,7 @@ void main() {
             size += abs(change);
         }
     }
-    const float ridge = RIDGE * thresholds[0] * thresholds[1];
+    const float ridge = RIDGE * up * down;
     gg.x += ridge;
     gg.z += ridge;
     const vec2 v = -vec2(gg.z * gd.x - gg.y * gd.y, gg.x * gd.y - gg.y * gd.x) /
@@ -95,7 +99,7 @@ void main() {
     const vec3 vv = vec3(v.x * v.x, v.x * v.y, v.y * v.y);
 
     const uint at = moments_origin + window * tiles + tile;
-    const uint step = windows * tiles;
+    const uint step = WINDOWS * tiles;
     moments[at] = r * (dot(v, bd) + dot(vv, bg));
     moments[at + step] = r * (vv.x * bb.x + 2 * vv.y * bb.y + vv.z * bb.z);
     moments[at + 2 * step] = r * (d + dot(v, g));

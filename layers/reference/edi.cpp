@@ -6,6 +6,8 @@
 #include <numeric>
 #include <string>
 
+#include "layers/edi_moments.hpp"
+
 namespace ecir::reference {
 namespace {
 
@@ -78,13 +80,15 @@ std::array<double, 4> tile_moments(const Frames& x, size_t window, size_t top, s
         double d;
     };
     std::vector<Sample> samples;
-    for (size_t row = top; row < std::min(top + 16, x.height - 2); row += 2) {
-        for (size_t column = left; column < std::min(left + 16, x.width - 2); column += 2) {
-            const auto early = x.gradient(window, row, column);
-            const auto late = x.gradient(window + 1, row, column);
+    constexpr size_t side = size_t{edi_tile_samples} * edi_sample_step;
+    for (size_t row = top; row < std::min(top + side, x.height - 2); row += edi_sample_step) {
+        for (size_t column = left; column < std::min(left + side, x.width - 2);
+             column += edi_sample_step) {
+            const auto early = x.gradient(2 * window, row, column);
+            const auto late = x.gradient(2 * window + 1, row, column);
             samples.push_back({{(early[0] + late[0]) / 2, (early[1] + late[1]) / 2},
                                x.gradient(x.count - 1, row, column),
-                               x.at(window + 1, row, column) - x.at(window, row, column)});
+                               x.at(2 * window + 1, row, column) - x.at(2 * window, row, column)});
         }
     }
     double xx = ridge, xy = 0, yy = ridge, xd = 0, yd = 0, dd = 0;
@@ -160,9 +164,14 @@ std::vector<double> edi_moments(std::span<const float> blurry, const PackedEvent
                                 uint32_t width, uint32_t height, const EdiThresholds& thresholds) {
     const EdiMomentShape shape = edi_moment_shape(width, height);
     const uint32_t most = edi_busy_events / (shape.bin * shape.bin);
-    const auto logarithm = edi_logarithm(blurry, events, edi_window_times(), thresholds);
+    std::vector<double> times;
+    for (uint32_t window = 0; window < edi_windows; ++window) {
+        times.push_back(edi_window_start(window));
+        times.push_back(edi_window_start(window) + edi_window_length);
+    }
+    const auto logarithm = edi_logarithm(blurry, events, times, thresholds);
     const size_t pixels = size_t{width} * height;
-    Frames frames{edi_windows + 2, shape.height, shape.width, {}};
+    Frames frames{times.size() + 1, shape.height, shape.width, {}};
     frames.values.resize(frames.count * frames.height * frames.width);
     for (size_t k = 0; k < frames.count; ++k) {
         for (size_t y = 0; y < size_t{shape.height} * shape.bin; ++y) {
@@ -184,8 +193,9 @@ std::vector<double> edi_moments(std::span<const float> blurry, const PackedEvent
     std::vector<double> result(4 * plane);
     for (uint32_t window = 0; window < edi_windows; ++window) {
         for (uint32_t tile = 0; tile < shape.tiles(); ++tile) {
-            const auto moments = tile_moments(frames, window, 2 + tile / shape.tile_columns * 16,
-                                              2 + tile % shape.tile_columns * 16, ridge);
+            constexpr size_t side = size_t{edi_tile_samples} * edi_sample_step;
+            const auto moments = tile_moments(frames, window, 2 + tile / shape.tile_columns * side,
+                                              2 + tile % shape.tile_columns * side, ridge);
             for (size_t m = 0; m < 4; ++m) {
                 result[m * plane + window * shape.tiles() + tile] = moments[m];
             }

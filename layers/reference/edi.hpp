@@ -18,7 +18,8 @@ std::vector<double> edi_logarithm(std::span<const float> blurry, const PackedEve
 std::vector<double> edi(std::span<const float> blurry, const PackedEvents& events,
                         std::span<const double> times, const EdiThresholds& thresholds);
 
-/// What record_edi_moments() computes: [4][edi_windows][tiles].
+/// What record_edi_fields() and record_edi_moments() compute, from frames of ln(L + e) at both ends
+/// of every window: [4][edi_windows][tiles].
 std::vector<double> edi_moments(std::span<const float> blurry, const PackedEvents& events,
                                 uint32_t width, uint32_t height, const EdiThresholds& thresholds);
 
@@ -30,7 +31,7 @@ namespace ecir {
 /// ends and at 32nds of it.
 PackedEvents random_packed_events(CaseRandom& random, size_t pixels, uint32_t most);
 
-/// Cases of record_edi() and of record_edi_moments() (layers/edi.hpp).
+/// Cases of record_edi() (layers/edi.hpp) and of record_edi_moments() (layers/edi_moments.hpp).
 Trial edi_trial(Device& device, uint32_t trial);
 Trial edi_moments_trial(Device& device, uint32_t trial);
 

@@ -4,6 +4,7 @@
 #include <string>
 
 #include "layers/edi.hpp"
+#include "layers/edi_moments.hpp"
 #include "layers/reference/edi.hpp"
 
 namespace ecir {
@@ -164,12 +165,13 @@ Trial edi_moments_trial(Device& device, uint32_t trial) {
     result.program = std::make_unique<Program>(device);
     Program& program = *result.program;
     const EdiInput input = make_input(program, events, {1, height, width}, 0);
-    const Tensor schedule = program.input({1, 2, edi_windows + 1});
-    result.output = program.output(edi_moment_shape(width, height).layout());
-    record_edi_moments(program, input, schedule, result.output);
+    const EdiMomentShape sizes = edi_moment_shape(width, height);
+    const Tensor fields = program.temporary(sizes.fields());
+    result.output = program.output(sizes.moments());
+    record_edi_fields(program, input, fields);
+    record_edi_moments(program, input, fields, result.output);
     program.finish();
     write_input(program, input, events, image, thresholds);
-    program.write(schedule, edi_schedule(edi_window_times()));
     return result;
 }
 

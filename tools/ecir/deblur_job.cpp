@@ -189,7 +189,7 @@ private:
         return deblurred_.put(std::move(oldest));
     }
 
-    void tell(const Deblurred& deblurred) const {
+    void tell(const Deblurred& deblurred) {
         const std::string& image = deblurred.exposure.item->image;
         if (deblurred.events == 0) {
             console_.warn(image + ": " + recording_.events.string() +
@@ -203,7 +203,8 @@ private:
         }
     }
 
-    void tell_thresholds(const std::string& image) const {
+    /// Once, and again where a recording's running estimate has moved.
+    void tell_thresholds(const std::string& image) {
         const auto used = deblur_->thresholds();
         if (!used || job_.deblur.thresholds) {
             return;
@@ -211,7 +212,10 @@ private:
         char text[64];
         std::snprintf(text, sizeof text, "%.3f %.3f", static_cast<double>(used->positive),
                       static_cast<double>(used->negative));
-        console_.note(image + ": estimated thresholds " + text);
+        if (told_thresholds_ != text) {
+            told_thresholds_ = text;
+            console_.note(image + ": estimated thresholds " + text);
+        }
     }
 
     void write(const Deblurred& deblurred, FrameOutput& output) const {
@@ -246,6 +250,7 @@ private:
     std::shared_ptr<Device> device_;
     std::optional<Deblur> deblur_;
     std::vector<Deblurred> begun_; ///< the oldest first
+    std::string told_thresholds_;
     size_t finished_ = 0;
 };
 

@@ -5,7 +5,7 @@ import torch
 from fusion import ANCHORS, Fusion
 from training import psnr
 
-WEIGHTS = {"frames": 10.0, "log": 0.3, "mean": 30.0}
+WEIGHTS = {"frames": 10.0, "log": 0.3, "mean": 100.0}
 LARGEST_GRADIENT = 2.0
 SIZES = {"small": ((16, 32, 48, 64), (16, 16, 32)), "base": ((32, 64, 96, 128), (16, 32, 48)),
          "large": ((32, 64, 96, 128), (16, 48, 80))}
