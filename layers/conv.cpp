@@ -163,7 +163,7 @@ void Conv::record_lane(Program& program, std::span<const Tensor> inputs, const T
             const bool accumulate = s > 0;
             const bool from_tensor = accumulate || residual.has_value();
             const std::array<uint32_t, 9> constants{
-                block_, pixels,   slice.count, phase.kernel_h,     phase.kernel_w,
+                block_, pixels,   slice.count, phase.kernel_h,      phase.kernel_w,
                 stride, in.block, step(),      from_tensor ? 1U : 0};
             const uint64_t in_corner = in.origin() + slice.first / in.block * in.plane_stride() -
                                        phase.pad_y * in.row_stride() -
