@@ -7,6 +7,7 @@
 #include <string>
 #include <string_view>
 
+#include "layers/shapes.hpp"
 #include "runtime/error.hpp"
 
 namespace ecir {
@@ -52,10 +53,6 @@ constexpr float kNoFloor = std::numeric_limits<float>::lowest();
 
 [[noreturn]] void fail(const std::string& what) {
     throw Error(ExitCode::device, "conv: " + what);
-}
-
-uint32_t ceil_div(uint32_t value, uint32_t divisor) {
-    return (value + divisor - 1) / divisor;
 }
 
 /// Pixels of a lane: the larger the tile the faster, the smaller the less is wasted at the end of a

@@ -51,10 +51,6 @@ struct SumPush {
 };
 static_assert(sizeof(SumPush) == 80);
 
-uint32_t ceil_div(uint32_t value, uint32_t divisor) {
-    return (value + divisor - 1) / divisor;
-}
-
 uint32_t lanes(const Device& device) {
     return device.info().subgroup_size;
 }

@@ -69,10 +69,6 @@ uint32_t sample_count(uint32_t pixels) {
     return (pixels - 2 * margin + edi_sample_step - 1) / edi_sample_step;
 }
 
-uint32_t groups_for(uint32_t count, uint32_t size) {
-    return (count + size - 1) / size;
-}
-
 /// Sizes of an input that fits its own event offsets.
 EdiMomentShape checked_shape(const EdiInput& input) {
     const Layout& blurry = input.blurry.layout();
@@ -128,7 +124,7 @@ void record_filter(Program& program, const Tensor& from, bool slope, bool vertic
     const uint32_t lines = vertical ? layout.width : layout.height;
     add(program, "edi_filter", "edi_filter", constants, {read(from), write(to)},
         FilterPush{origin(from), origin(to), layout.width, layout.height, samples},
-        {groups_for(lines, 64), groups_for(samples, shader::RUN), layout.channels},
+        {ceil_div(lines, 64), ceil_div(samples, shader::RUN), layout.channels},
         (slope ? 26.0 : 18.0) * static_cast<double>(to.layout().elements()));
 }
 
@@ -163,14 +159,14 @@ EdiMomentShape edi_moment_shape(uint32_t width, uint32_t height) {
     }
     EdiMomentShape shape{};
     // A long strip keeps its short side.
-    shape.bin = std::max(1U, std::min(groups_for(std::max(width, height), largest_side),
+    shape.bin = std::max(1U, std::min(ceil_div(std::max(width, height), largest_side),
                                       std::min(width, height) / smallest_side));
     shape.width = width / shape.bin;
     shape.height = height / shape.bin;
     shape.columns = sample_count(shape.width);
     shape.rows = sample_count(shape.height);
-    shape.tile_columns = groups_for(shape.columns, edi_tile_samples);
-    shape.tile_rows = groups_for(shape.rows, edi_tile_samples);
+    shape.tile_columns = ceil_div(shape.columns, edi_tile_samples);
+    shape.tile_rows = ceil_div(shape.rows, edi_tile_samples);
     return shape;
 }
 
@@ -214,7 +210,7 @@ void record_edi_moments(Program& program, const EdiInput& input, const Tensor& f
         {read(fields), read(slopes), read(input.thresholds), write(moments)},
         MomentPush{origin(fields), origin(slopes), origin(moments), shape.columns, shape.rows,
                    shape.tile_columns, shape.tiles()},
-        {groups_for(shape.tiles(), 64), edi_windows, 1}, 85 * samples);
+        {ceil_div(shape.tiles(), 64), edi_windows, 1}, 85 * samples);
 }
 
 } // namespace ecir

@@ -8,6 +8,11 @@
 
 namespace ecir {
 
+/// value / divisor, rounded up.
+constexpr uint32_t ceil_div(uint32_t value, uint32_t divisor) {
+    return (value + divisor - 1) / divisor;
+}
+
 /// What the layers share to check tensors and to tell kernels where they lie.
 
 /// Origin of a dense tensor as a kernel sees it that reads `words` floats as one element.

@@ -195,10 +195,7 @@ void add_bench(CLI::App& app) {
         ->add_option("--compare", options->compare,
                      "A report that bench --json wrote: print ratios, exit with 1 on a regression")
         ->option_text("FILE");
-    command
-        ->add_option("-g,--device", options->device,
-                     "Its index or a part of its name (ecir devices)")
-        ->option_text("DEVICE");
+    add_device_option(*command, options->device);
     command->add_flag("--json", options->json, "Print as JSON");
     command->footer(
         "Without --op and --model: all operations at the shapes of the shipped networks (240x180,\n"

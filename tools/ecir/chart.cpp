@@ -120,10 +120,7 @@ void add_chart(CLI::App& app) {
                      "Chart E-CIR with 0 to so many iterations of its refinement")
         ->check(CLI::Range(1, 20))
         ->option_text("N [4]");
-    command
-        ->add_option("-g,--device", options->device,
-                     "Its index or a part of its name (ecir devices)")
-        ->option_text("DEVICE");
+    add_device_option(*command, options->device);
     command->add_flag("--json", options->json, "Print as JSON");
     command->footer(
         "Every model at full and half size (enlarged again to be compared), networks also without\n"

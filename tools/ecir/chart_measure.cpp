@@ -1,11 +1,11 @@
 #include "tools/ecir/chart_measure.hpp"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 
 #include "layers/deblur.hpp"
 #include "runtime/error.hpp"
+#include "tools/ecir/bench_timing.hpp"
 #include "tools/ecir/image_files.hpp"
 #include "tools/ecir/resize.hpp"
 #include "tools/io/event_file.hpp"
@@ -86,15 +86,21 @@ Deblur make_deblur(const ChartPoint& point, const std::shared_ptr<Device>& devic
     return {device, options, static_cast<uint32_t>(size.width), static_cast<uint32_t>(size.height)};
 }
 
-/// Whether the number of refinement iterations is free.
-bool iterates(const std::string& model) {
-    if (model == "edi") {
-        return false;
+/// The values of --refine to compare; unset: as trained.
+std::vector<std::optional<uint32_t>> refinements(const std::string& model, uint32_t most) {
+    const std::string kind = model == "edi" ? "" : SafeTensors(find_model(model)).meta("model");
+    std::vector<std::optional<uint32_t>> values;
+    if (kind == "ecir") {
+        for (uint32_t n = 0; n <= most; ++n) {
+            values.emplace_back(n);
+        }
+        return values;
     }
-    const SafeTensors weights(find_model(model));
-    const auto& metadata = weights.metadata();
-    const auto kind = metadata.find("model");
-    return kind != metadata.end() && kind->second == "ecir";
+    values.emplace_back(std::nullopt);
+    if (kind == "fusion") {
+        values.emplace_back(0);
+    }
+    return values;
 }
 
 } // namespace
@@ -135,17 +141,7 @@ std::vector<ChartPoint> chart_configurations(const std::vector<std::string>& mod
     std::vector<ChartPoint> points;
     for (const double scale : {1.0, 0.5}) {
         for (const std::string& model : models) {
-            std::vector<std::optional<uint32_t>> refinements = {std::nullopt};
-            if (model != "edi") {
-                refinements.emplace_back(0);
-            }
-            if (iterates(model)) {
-                refinements.erase(refinements.begin());
-                for (uint32_t n = 1; n <= most_refine; ++n) {
-                    refinements.emplace_back(n);
-                }
-            }
-            for (const auto& refine : refinements) {
+            for (const auto& refine : refinements(model, most_refine)) {
                 ChartPoint point;
                 point.model = model;
                 point.refine = refine;
@@ -186,30 +182,18 @@ void measure_accuracy(ChartPoint& point, const std::shared_ptr<Device>& device,
 
 void measure_cost(ChartPoint& point, const std::shared_ptr<Device>& device,
                   const ChartScene& scene) {
-    using Clock = std::chrono::steady_clock;
     const Work work = prepare(point, scene);
     Deblur deblur = make_deblur(point, device, work.size);
     const auto times = even_times(static_cast<uint32_t>(scene.truth.size()));
     const auto run = [&] {
-        const auto start = Clock::now();
-        deblur.frames(work.blurry, work.events.view(), scene.exposure, times);
-        return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
+        const double start = now_ms();
+        (void)deblur.frames(work.blurry, work.events.view(), scene.exposure, times);
+        return now_ms() - start;
     };
-    constexpr int kWarmUp = 2; // compiles the kernels, settles the thresholds
-    for (int i = 0; i < kWarmUp; ++i) {
-        run();
-    }
-    constexpr size_t kLeast = 5;
-    constexpr double kEnough = 2000; // ms
-    std::vector<double> measured;
-    double sum = 0;
-    while (measured.size() < kLeast || (sum < kEnough && measured.size() < 100)) {
-        measured.push_back(run());
-        sum += measured.back();
-    }
-    std::ranges::sort(measured);
-    point.ms = measured[measured.size() / 2];
-    point.ms_spread = 0.5 * (measured[measured.size() * 3 / 4] - measured[measured.size() / 4]);
+    run();
+    const Timing time = repeat(run);
+    point.ms = time.median_ms;
+    point.ms_spread = 0.5 * time.spread_ms();
     point.gflop = deblur.operations() * 1e-9;
 }
 

@@ -1,5 +1,6 @@
 #pragma once
 #include <CLI/CLI.hpp>
+#include <string>
 
 namespace ecir::cli {
 
@@ -12,5 +13,12 @@ void add_verify(CLI::App& app);
 void add_bench(CLI::App& app);
 void add_chart(CLI::App& app);
 void add_devices(CLI::App& app);
+
+/// -g of every subcommand that works on a device.
+inline CLI::Option* add_device_option(CLI::App& command, std::string& device) {
+    return command
+        .add_option("-g,--device", device, "Its index or a part of its name (ecir devices)")
+        ->option_text("DEVICE");
+}
 
 } // namespace ecir::cli

@@ -164,10 +164,7 @@ void add_method(CLI::App& command, Options& o) {
         ->check(within(0.001, 10))
         ->option_text("C+ [C-]")
         ->group(group);
-    command
-        .add_option("-g,--device", o.job.device, "Its index or a part of its name (ecir devices)")
-        ->option_text("DEVICE")
-        ->group(group);
+    add_device_option(command, o.job.device)->group(group);
 }
 
 } // namespace

@@ -68,10 +68,7 @@ void add_verify(CLI::App& app) {
         ->add_option("--op", options->operation,
                      "Only operations in whose names this regular expression is found")
         ->option_text("REGEX");
-    command
-        ->add_option("-g,--device", options->device,
-                     "Its index or a part of its name (ecir devices)")
-        ->option_text("DEVICE");
+    add_device_option(*command, options->device);
     command->add_flag("--json", options->json, "Print as JSON");
     command->footer("Exits with 1 when a case is outside its tolerance.\n"
                     "\n"
