@@ -31,9 +31,12 @@ def _thresholds(factor):
     return ("positive", factor * ASSUMED), ("negative", factor * ASSUMED)
 
 
-NOMINAL = Condition("nominal", "nominal")
+NOMINAL = Condition("nominal", "nominal: small faults of every kind")
+FAULTLESS = tuple((name, 0.0) for name in
+                  ("pixel_spread", "noise_hz", "hot", "refractory_us", "bandwidth_us", "frame_noise"))
 CONDITIONS = (
     NOMINAL,
+    Condition("faultless", "plain ESIM, without faults", FAULTLESS),
     Condition("low-told", f"thresholds {0.7 * ASSUMED:.2f}, told {ASSUMED:.2f}", _thresholds(0.7), ASSUMED),
     Condition("high-told", f"thresholds {1.3 * ASSUMED:.2f}, told {ASSUMED:.2f}", _thresholds(1.3), ASSUMED),
     Condition("low", f"thresholds {0.7 * ASSUMED:.2f}", _thresholds(0.7)),

@@ -12,6 +12,8 @@ import cv2
 import numpy as np
 
 GRID = np.linspace(-1.0, 1.0, 513)      # times at which motion is tabulated
+LEAST_CONTRAST, MOST_WHITE = 0.04, 0.5  # of a view: its standard deviation, and its share of saturated pixels
+CONTENT_DRAWS = 20
 
 
 def load_photos(folder):
@@ -171,6 +173,13 @@ class World:
 
     def __init__(self, rng, photos, size, travel):
         self.size = size
+        for _ in range(CONTENT_DRAWS):
+            self._compose(rng, photos, travel)
+            if self._has_content():
+                break
+
+    def _compose(self, rng, photos, travel):
+        size = self.size
         self.background = self._surface(rng, photos, Motion(rng, size, travel), 0.1)
         self.objects = []
         for _ in range(int(rng.choice(4, p=(0.6, 0.2, 0.12, 0.08)))):
@@ -188,6 +197,11 @@ class World:
             self.gain = rng.uniform(1.0, 1.5)   # the brightest parts saturate the frame
         if rng.random() < 0.06:
             self.ramp = rng.uniform(-0.15, 0.15)    # brightness changes during the exposure
+
+    def _has_content(self):
+        """Whether there is something to see: a view of clear sky or one that is white throughout has no motion."""
+        frame = self.render(0.0)
+        return frame.clip(0, 1).std() >= LEAST_CONTRAST and (frame >= 1).mean() <= MOST_WHITE
 
     def _surface(self, rng, photos, motion, graphics):
         texture = random_graphics(rng) if rng.random() < graphics else photos[rng.integers(len(photos))]

@@ -24,9 +24,13 @@ class Sensor:
 
     @staticmethod
     def evaluation(rng):
-        """Sensor of the benchmark's scenes: ESIM with unknown thresholds, 0.12 to 0.35, in steady light."""
+        """Sensor of the benchmark's scenes: unknown thresholds, 0.12 to 0.35, in steady light, with the
+        faults that every event camera has, each small."""
         base, apart = rng.uniform(0.12, 0.35), rng.uniform(1 / 1.1, 1.1)
-        return Sensor(positive=base * apart, negative=base / apart, warm=bool(rng.random() < 0.5), drift=0.0)
+        return Sensor(positive=base * apart, negative=base / apart, warm=bool(rng.random() < 0.5), drift=0.0,
+                      pixel_spread=rng.uniform(0, 0.1), noise_hz=np.exp(rng.uniform(np.log(0.03), np.log(0.3))),
+                      hot=1e-4, refractory_us=100.0, bandwidth_us=rng.uniform(0, 200),
+                      frame_noise=rng.uniform(0, 1 / 255))
 
     @staticmethod
     def training(rng):

@@ -5,9 +5,9 @@ import torch
 from fusion import ANCHORS, Fusion
 from training import psnr
 
-WEIGHTS = {"frames": 10.0, "log": 0.3, "mean": 100.0}
+WEIGHTS = {"frames": 10.0, "log": 0.3, "mean": 250.0}
 LARGEST_GRADIENT = 2.0
-SIZES = {"small": ((16, 32, 48, 64), (16, 16, 32)), "base": ((32, 64, 96, 128), (16, 32, 48)),
+SIZES = {"small": ((16, 32, 64, 96), (8, 16, 32)), "base": ((32, 64, 96, 128), (16, 32, 48)),
          "large": ((32, 64, 96, 128), (16, 48, 80))}
 FRAMES = 2      # of a scene's random times, a step
 SATURATED = 0.97    # blurry values from here on may be less than the mean
