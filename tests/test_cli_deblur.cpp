@@ -280,4 +280,29 @@ TEST_SUITE("cli deblur") {
                   {"'no such device'", name});
         must_fail(4, scene.deblur(scene.result("no.npy"), {"-g", "77"}), {"'77'"});
     }
+
+    TEST_CASE("a report says what was found and used") {
+        const Scene& scene = Scene::get();
+        const std::string file = scene.result("report.json");
+        must(scene.deblur(scene.result("reported"), Arguments{"--report", file} + kEdi));
+        const auto report = nlohmann::json::parse(get(file));
+        CHECK(report["device"].is_string());
+        REQUIRE(report["exposures"].size() == 1);
+        const auto& exposure = report["exposures"][0];
+        CHECK(exposure["start_us"] == 1600000000000000);
+        CHECK(exposure["end_us"] == 1600000000050000);
+        CHECK(exposure["scene"]["events"].get<size_t>() > 0);
+        CHECK(exposure["scene"]["travel_px"].get<double>() > 0);
+        CHECK(exposure["model"] == "edi");
+        CHECK(exposure["frames"] == 14);
+        CHECK(exposure["thresholds"]["positive"].get<double>() > 0.03);
+        for (const char* stage : {"read", "prepare", "wait", "write"}) {
+            CHECK(exposure["ms"][stage].get<double>() > 0);
+        }
+        const Outcome again =
+            run_ecir(scene.deblur(scene.result("reported-2"), Arguments{"--report", file} + kEdi));
+        CHECK(again.code == 2); // neither is replaced without being asked to
+        CHECK(again.err.find(file) != std::string::npos);
+        CHECK_FALSE(fs::exists(scene.result("reported-2")));
+    }
 }

@@ -182,6 +182,11 @@ void add_deblur(CLI::App& app) {
         ->group("Output");
     command->add_flag("--overwrite", options->job.overwrite, "Replace an existing output")
         ->group("Output");
+    command
+        ->add_option("--report", options->job.report,
+                     "JSON: what was found in each exposure, warnings, what was used, times")
+        ->option_text("FILE")
+        ->group("Output");
     add_times(*command, *options);
     add_method(*command, *options);
     command->footer("A folder gets 000000.png, ... at the image's depth, and frames.csv with their "

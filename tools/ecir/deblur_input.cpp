@@ -3,6 +3,7 @@
 #include <string>
 
 #include "runtime/error.hpp"
+#include "tools/ecir/stopwatch.hpp"
 
 namespace ecir::cli {
 namespace {
@@ -97,7 +98,10 @@ ExposureReader::ExposureReader(const DeblurJob& job, const io::Recording& record
 }
 
 LoadedExposure ExposureReader::read(const io::Recording::Item& item) {
-    LoadedExposure loaded{&item, io::read_image(item.image), {}, {}};
+    const Stopwatch watch;
+    LoadedExposure loaded;
+    loaded.item = &item;
+    loaded.image = io::read_image(item.image);
     io::Image& image = loaded.image;
     check_image(image, item.image);
     const auto [events, first] = events_.read(item.exposure);
@@ -109,6 +113,10 @@ LoadedExposure ExposureReader::read(const io::Recording::Item& item) {
         loaded.events = copy_of(events);
     }
     loaded.luminance = io::luminance(image);
+    loaded.facts =
+        scene_facts(loaded.luminance, loaded.events.view(), item.exposure,
+                    static_cast<uint32_t>(image.width), static_cast<uint32_t>(image.height));
+    loaded.read_ms = watch.ms();
     return loaded;
 }
 

@@ -1,6 +1,7 @@
 #pragma once
 #include <vector>
 
+#include "layers/scene_facts.hpp"
 #include "tools/ecir/deblur_job.hpp"
 #include "tools/io/event_windows.hpp"
 #include "tools/io/image.hpp"
@@ -14,6 +15,8 @@ struct LoadedExposure {
     io::Image image;
     std::vector<float> luminance;
     Events events; ///< of the exposure
+    SceneFacts facts;
+    double read_ms = 0;
 };
 
 /// What a job asks to deblur: a recording's folder, or one image as a recording of one.

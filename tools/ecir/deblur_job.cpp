@@ -4,6 +4,7 @@
 #include <cmath>
 #include <exception>
 #include <memory>
+#include <set>
 #include <span>
 #include <thread>
 
@@ -11,8 +12,10 @@
 #include "runtime/error.hpp"
 #include "tools/ecir/console.hpp"
 #include "tools/ecir/deblur_input.hpp"
+#include "tools/ecir/deblur_report.hpp"
 #include "tools/ecir/frame_output.hpp"
 #include "tools/ecir/handover.hpp"
+#include "tools/ecir/stopwatch.hpp"
 #include "tools/io/file.hpp"
 
 namespace ecir::cli {
@@ -52,9 +55,9 @@ std::vector<double> wanted_times(const DeblurJob& job, const Exposure& exposure)
 /// An exposure that the device works on, or worked on.
 struct Deblurred {
     LoadedExposure exposure; ///< without its events
-    size_t events = 0;
     std::vector<double> times;
     std::vector<float> frames;
+    ExposureReport report;
 };
 
 /// Deblurs the exposures of a recording into one output. Three threads at a time work on exposures
@@ -80,6 +83,9 @@ public:
         FrameOutput output(job_.output, job_.overwrite, frames_, kVideoFps);
         ExposureReader reader(job_, recording_);
         device_ = Device::open(job_.device);
+        if (!job_.report.empty()) {
+            report_.emplace(job_.report, job_.overwrite, device_->info().name);
+        }
         if (device_->info().is_cpu && job_.device.empty()) {
             console_.note("no GPU found, using the CPU driver " + device_->info().name +
                           " (ecir devices lists all)");
@@ -111,6 +117,9 @@ public:
             }
         }
         output.commit();
+        if (report_) {
+            report_->commit();
+        }
     }
 
 private:
@@ -130,8 +139,13 @@ private:
 
     std::exception_ptr write_all(FrameOutput& output) {
         try {
-            while (const auto deblurred = deblurred_.take()) {
+            while (auto deblurred = deblurred_.take()) {
+                const Stopwatch watch;
                 write(*deblurred, output);
+                if (report_) {
+                    deblurred->report.ms.write = watch.ms();
+                    report_->add(deblurred->report);
+                }
             }
             return {};
         } catch (...) {
@@ -166,9 +180,11 @@ private:
         }
         Deblurred next;
         next.times = wanted_times(job_, loaded.item->exposure);
-        next.events = loaded.events.size();
         begun_.reserve(kBegun);
+        const Stopwatch watch;
         deblur_->begin(loaded.luminance, loaded.events.view(), loaded.item->exposure, next.times);
+        next.report = report_of(loaded, next.times.size());
+        next.report.ms = {.read = loaded.read_ms, .prepare = watch.ms()};
         loaded.events = {};
         next.exposure = std::move(loaded);
         begun_.push_back(std::move(next));
@@ -179,33 +195,53 @@ private:
         Deblurred oldest = std::move(begun_.front());
         begun_.erase(begun_.begin());
         try {
+            const Stopwatch watch;
             oldest.frames = deblur_->finish();
+            oldest.report.ms.wait = watch.ms();
         } catch (...) {
             begun_.clear(); // errors of those after it do not count
             throw;
         }
-        tell(oldest);
+        oldest.report.thresholds = deblur_->thresholds();
+        oldest.report.ignored_pixels = deblur_->ignored_pixels();
+        tell(oldest.report);
         console_.progress(++finished_);
         return deblurred_.put(std::move(oldest));
     }
 
-    void tell(const Deblurred& deblurred) {
-        const std::string& image = deblurred.exposure.item->image;
-        if (deblurred.events == 0) {
-            console_.warn(image + ": " + recording_.events.string() +
-                          " has no event in its exposure, so its frames are the blurry frame");
+    [[nodiscard]] ExposureReport report_of(const LoadedExposure& loaded, size_t frames) const {
+        ExposureReport report;
+        report.item = loaded.item;
+        report.facts = loaded.facts;
+        report.warnings = scene_warnings(loaded.facts);
+        report.thresholds_given = job_.deblur.thresholds.has_value();
+        report.model = job_.deblur.model;
+        report.frames = frames;
+        return report;
+    }
+
+    void tell(const ExposureReport& report) {
+        const std::string& image = report.item->image;
+        for (const SceneWarning& warning : report.warnings) {
+            // An exposure without events is told of each time: its frames are not sharp. What else
+            // is wrong is mostly so for the whole recording.
+            if (warning.name == "no-events") {
+                console_.warn(image + ": " + recording_.events.string() +
+                              " has no event in its exposure, so its frames are the blurry frame");
+            } else if (told_warnings_.insert(warning.name).second) {
+                console_.warn(image + ": " + warning.text);
+            }
         }
-        tell_thresholds(image);
-        if (deblur_->ignored_pixels() > 0) {
-            console_.warn(image + ": " + std::to_string(deblur_->ignored_pixels()) +
+        tell_thresholds(image, report.thresholds);
+        if (report.ignored_pixels > 0) {
+            console_.warn(image + ": " + std::to_string(report.ignored_pixels) +
                           " of its pixels have more than " + std::to_string(prior_busy_events) +
                           " events, which this model takes as without events; -m edi takes more");
         }
     }
 
     /// Once, and again where a recording's running estimate has moved.
-    void tell_thresholds(const std::string& image) {
-        const auto used = deblur_->thresholds();
+    void tell_thresholds(const std::string& image, const std::optional<EdiThresholds>& used) {
         if (!used || job_.deblur.thresholds) {
             return;
         }
@@ -219,7 +255,7 @@ private:
     }
 
     void write(const Deblurred& deblurred, FrameOutput& output) const {
-        const auto& [item, image, luminance, events] = deblurred.exposure;
+        const auto& [item, image, luminance, events, facts, read_ms] = deblurred.exposure;
         const bool single = recording_.items.size() == 1 && job_.exposure;
         io::Image sharp = image;
         for (size_t i = 0; i < deblurred.times.size(); ++i) {
@@ -243,6 +279,7 @@ private:
     const DeblurJob& job_;
     io::Recording recording_;
     Console console_;
+    std::optional<DeblurReport> report_;
     size_t frames_ = 0;
     Handover<LoadedExposure> loaded_{2};
     Handover<Deblurred> deblurred_{1};
@@ -251,6 +288,7 @@ private:
     std::optional<Deblur> deblur_;
     std::vector<Deblurred> begun_; ///< the oldest first
     std::string told_thresholds_;
+    std::set<std::string> told_warnings_;
     size_t finished_ = 0;
 };
 

@@ -15,6 +15,7 @@ struct DeblurJob {
     std::filesystem::path events;     ///< of an image
     std::optional<Exposure> exposure; ///< of an image
     std::filesystem::path output;
+    std::filesystem::path report; ///< JSON; empty: none
     DeblurOptions deblur;
     std::vector<double> times; ///< normalised; empty: by `fps`
     double fps = 0;

@@ -1,0 +1,233 @@
+#include "layers/scene_facts.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdio>
+#include <numbers>
+
+#include "layers/travel.hpp"
+
+namespace ecir {
+namespace {
+
+constexpr float kWhite = 0.98F;
+constexpr float kBlack = 0.02F;
+
+/// Events of each pixel.
+std::vector<uint32_t> count_events(const EventView& events, uint32_t width, uint32_t height) {
+    std::vector<uint32_t> counts(size_t{width} * height);
+    for (size_t i = 0; i < events.size(); ++i) {
+        ++counts[size_t{events.y[i]} * width + events.x[i]];
+    }
+    return counts;
+}
+
+/// Largest and sum of the counts of the eight neighbours.
+struct Around {
+    uint32_t most = 0;
+    uint64_t sum = 0;
+};
+
+Around around(const std::vector<uint32_t>& counts, uint32_t width, uint32_t height, uint32_t x,
+              uint32_t y) {
+    Around result;
+    for (uint32_t row = y > 0 ? y - 1 : 0; row <= std::min(y + 1, height - 1); ++row) {
+        for (uint32_t column = x > 0 ? x - 1 : 0; column <= std::min(x + 1, width - 1); ++column) {
+            if (row != y || column != x) {
+                const uint32_t count = counts[size_t{row} * width + column];
+                result.most = std::max(result.most, count);
+                result.sum += count;
+            }
+        }
+    }
+    return result;
+}
+
+void judge_pixels(const std::vector<uint32_t>& counts, uint32_t width, uint32_t height,
+                  SceneFacts& facts) {
+    constexpr uint32_t kHot = 20; // events: what a fast edge's texture rarely reaches alone
+    size_t active = 0;
+    uint64_t isolated = 0;
+    for (uint32_t y = 0; y < height; ++y) {
+        for (uint32_t x = 0; x < width; ++x) {
+            const uint32_t count = counts[size_t{y} * width + x];
+            if (count == 0) {
+                continue;
+            }
+            ++active;
+            const Around near = around(counts, width, height, x, y);
+            isolated += near.sum == 0 ? count : 0;
+            facts.hot_pixels += count >= kHot && uint64_t{near.most} * 5 < count ? 1 : 0;
+        }
+    }
+    facts.active_share = static_cast<double>(active) / static_cast<double>(counts.size());
+    facts.isolated_share =
+        facts.events > 0 ? static_cast<double>(isolated) / static_cast<double>(facts.events) : 0;
+}
+
+/// Share of the variance of the signed event rate that a sine explains, trend aside.
+void find_flicker(const EventView& events, const Exposure& exposure, SceneFacts& facts) {
+    constexpr int64_t kBin = 1000; // microseconds
+    constexpr double kPeriods = 3;
+    const auto bins = static_cast<size_t>(exposure.duration() / kBin);
+    const double seconds = static_cast<double>(bins) * 1e-3;
+    if (seconds * 100 < kPeriods || bins > 100'000) {
+        return;
+    }
+    std::vector<double> rate(bins);
+    for (size_t i = 0; i < events.size(); ++i) {
+        const auto bin = static_cast<size_t>((events.t[i] - exposure.start) / kBin);
+        if (bin < bins) {
+            rate[bin] += events.p[i] != 0 ? 1 : -1;
+        }
+    }
+    const double n = static_cast<double>(bins);
+    double mean = 0;
+    double slope = 0;
+    double spread = 0;
+    for (size_t k = 0; k < bins; ++k) {
+        const double place = static_cast<double>(k) - (n - 1) / 2;
+        mean += rate[k] / n;
+        slope += place * rate[k];
+        spread += place * place;
+    }
+    slope /= spread;
+    double variance = 0;
+    for (size_t k = 0; k < bins; ++k) {
+        rate[k] -= mean + slope * (static_cast<double>(k) - (n - 1) / 2);
+        variance += rate[k] * rate[k];
+    }
+    for (const double hertz : {100.0, 120.0}) {
+        double c = 0;
+        double s = 0;
+        for (size_t k = 0; k < bins; ++k) {
+            const double phase = 2 * std::numbers::pi * hertz * 1e-3 * static_cast<double>(k);
+            c += rate[k] * std::cos(phase);
+            s += rate[k] * std::sin(phase);
+        }
+        const double share = variance > 0 ? 2 * (c * c + s * s) / (n * variance) : 0;
+        if (facts.flicker_hz == 0 || share > facts.flicker_share) {
+            facts.flicker_hz = hertz;
+            facts.flicker_share = std::min(share, 1.0);
+        }
+    }
+}
+
+/// A gap counts when stretches of its length before and after it have so many events each that
+/// chance does not leave one out.
+int64_t longest_gap(const EventView& events) {
+    constexpr ptrdiff_t kBusy = 200;
+    constexpr int64_t kShortest = 1000; // microseconds; simulated events come in steps of time
+    int64_t longest = kShortest - 1;
+    for (size_t i = 1; i < events.size(); ++i) {
+        const int64_t gap = events.t[i] - events.t[i - 1];
+        if (gap <= longest) {
+            continue;
+        }
+        const auto here = events.t.begin() + static_cast<ptrdiff_t>(i);
+        const auto before = std::lower_bound(events.t.begin(), here, events.t[i - 1] - gap);
+        const auto after = std::upper_bound(here, events.t.end(), events.t[i] + gap);
+        if (here - before >= kBusy && after - here >= kBusy) {
+            longest = gap;
+        }
+    }
+    return longest >= kShortest ? longest : 0;
+}
+
+std::string text(const char* format, double a, double b = 0) {
+    std::array<char, 320> buffer{};
+    std::snprintf(buffer.data(), buffer.size(), format, a, b);
+    return buffer.data();
+}
+
+} // namespace
+
+SceneFacts scene_facts(std::span<const float> blurry, const EventView& events,
+                       const Exposure& exposure, uint32_t width, uint32_t height) {
+    SceneFacts facts;
+    const double pixels = static_cast<double>(blurry.size());
+    facts.white_share =
+        static_cast<double>(std::ranges::count_if(blurry, [](float b) { return b >= kWhite; })) /
+        pixels;
+    facts.black_share =
+        static_cast<double>(std::ranges::count_if(blurry, [](float b) { return b < kBlack; })) /
+        pixels;
+    facts.events = events.size();
+    if (facts.events == 0) {
+        return facts;
+    }
+    facts.events_per_pixel = static_cast<double>(facts.events) / pixels;
+    facts.positive_share =
+        static_cast<double>(std::ranges::count_if(events.p, [](uint8_t p) { return p != 0; })) /
+        static_cast<double>(facts.events);
+    judge_pixels(count_events(events, width, height), width, height, facts);
+    facts.travel = estimate_travel(blurry, events, exposure, width, height);
+    find_flicker(events, exposure, facts);
+    facts.longest_gap = longest_gap(events);
+    return facts;
+}
+
+std::vector<SceneWarning> scene_warnings(const SceneFacts& facts) {
+    constexpr double kManyWhite = 0.02;
+    constexpr double kManyBlack = 0.9;
+    constexpr double kOneSign = 0.85;
+    constexpr double kFlicker = 0.3;
+    constexpr double kIsolated = 0.3;
+    constexpr double kHotShare = 1e-3; // of the pixels
+    constexpr double kFarthest = 80; // as estimated; shipped networks were trained up to 100 pixels
+    std::vector<SceneWarning> found;
+    const auto warn = [&](const char* name, const std::string& what) {
+        found.push_back({name, what});
+    };
+    if (facts.events == 0) {
+        warn("no-events", "no event in the exposure: every frame is the blurry one");
+        return found;
+    }
+    if (facts.white_share > kManyWhite) {
+        warn("saturated",
+             text("%.0f %% of the blurry frame is white: what moved there is lost, and "
+                  "its edges keep some blur; expose for less time",
+                  100 * facts.white_share));
+    }
+    if (facts.black_share > kManyBlack) {
+        warn("dark", text("%.0f %% of the blurry frame is black: there is little to sharpen",
+                          100 * facts.black_share));
+    }
+    if (std::abs(facts.positive_share - 0.5) > kOneSign - 0.5) {
+        warn("one-sign",
+             text("%.0f %% of the events are of one sign: light that changes during the "
+                  "exposure, or a sensor that reports one sign only; frames drift in "
+                  "brightness",
+                  100 * std::max(facts.positive_share, 1 - facts.positive_share)));
+    }
+    if (facts.flicker_share > kFlicker) {
+        warn("flicker",
+             text("%.0f %% of how the event rate varies is a sine of %.0f Hz: the lamps flicker, "
+                  "and frames between two half-waves differ in brightness",
+                  100 * facts.flicker_share, facts.flicker_hz));
+    }
+    if (facts.isolated_share > kIsolated) {
+        warn("noise", text("%.0f %% of the events have no neighbour: background noise, which "
+                           "frames keep in part",
+                           100 * facts.isolated_share));
+    }
+    if (static_cast<double>(facts.hot_pixels) * facts.events_per_pixel >
+        kHotShare * static_cast<double>(facts.events)) {
+        warn("hot-pixels", text("%.0f hot pixels: mask them in the sensor",
+                                static_cast<double>(facts.hot_pixels)));
+    }
+    if (facts.longest_gap > 0) {
+        warn("gap", text("no event for %.1f ms between busy stretches: the sensor's bus dropped "
+                         "events, and frames there keep some blur",
+                         static_cast<double>(facts.longest_gap) * 1e-3));
+    }
+    if (facts.travel > kFarthest) {
+        warn("fast", text("motion of about %.0f pixels during the exposure, more than the networks "
+                          "were trained on; -m edi has no such limit",
+                          facts.travel));
+    }
+    return found;
+}
+
+} // namespace ecir

@@ -1,0 +1,45 @@
+#pragma once
+#include <cstdint>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "layers/events.hpp"
+
+namespace ecir {
+
+/// What a blurry frame and its events tell before anything is computed from them: how much the
+/// scene needs, and what in it the methods' assumptions do not hold for. On the host, in one pass
+/// over the events and a few over the pixels.
+struct SceneFacts {
+    size_t events = 0;           ///< of the exposure
+    double events_per_pixel = 0; ///< over the whole image
+    double active_share = 0;     ///< of the pixels: those with at least one event
+    double positive_share = 0;   ///< of the events
+    double travel = 0;           ///< pixels, see estimate_travel()
+    double white_share = 0;      ///< of the pixels: blurry frame at 0.98 or more
+    double black_share = 0;      ///< of the pixels: blurry frame below 0.02
+    double isolated_share = 0;   ///< of the events: no other pixel of the 3 x 3 around had one
+    size_t hot_pixels = 0;       ///< very many events where all neighbours have few
+    double flicker_hz = 0; ///< 100 or 120, whichever explains more; 0: exposure under 3 periods
+    double flicker_share =
+        0; ///< of the variance of the signed event rate that a sine of it explains
+    int64_t longest_gap =
+        0; ///< microseconds (1000 or more) without an event between two busy stretches as long
+};
+
+/// blurry: height x width values, 0 ... 1. events: those of the exposure, sorted by time, inside
+/// the image.
+SceneFacts scene_facts(std::span<const float> blurry, const EventView& events,
+                       const Exposure& exposure, uint32_t width, uint32_t height);
+
+/// A condition under which the result may be worse than it looks.
+struct SceneWarning {
+    std::string name; ///< of the condition, for programs: lower case, no spaces
+    std::string text; ///< what was found and what to do, for people
+};
+
+/// Those that hold. Their limits: layers/scene_facts.cpp.
+std::vector<SceneWarning> scene_warnings(const SceneFacts& facts);
+
+} // namespace ecir

@@ -1,0 +1,81 @@
+#include "tools/ecir/deblur_report.hpp"
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+namespace ecir::cli {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+/// Three significant places beyond the unit: figures for people, not doubles for the bit.
+double rounded(double value) {
+    return std::round(value * 1e4) / 1e4;
+}
+
+Json describe(const SceneFacts& facts) {
+    Json scene;
+    scene["events"] = facts.events;
+    scene["events_per_pixel"] = rounded(facts.events_per_pixel);
+    scene["active_share"] = rounded(facts.active_share);
+    scene["positive_share"] = rounded(facts.positive_share);
+    scene["travel_px"] = rounded(facts.travel);
+    scene["white_share"] = rounded(facts.white_share);
+    scene["black_share"] = rounded(facts.black_share);
+    scene["isolated_share"] = rounded(facts.isolated_share);
+    scene["hot_pixels"] = facts.hot_pixels;
+    scene["flicker_hz"] = facts.flicker_hz > 0 ? Json(facts.flicker_hz) : Json();
+    scene["flicker_share"] = rounded(facts.flicker_share);
+    scene["longest_gap_us"] = facts.longest_gap;
+    return scene;
+}
+
+Json describe(const ExposureReport& exposure) {
+    Json entry;
+    entry["file"] = std::filesystem::path(exposure.item->image).filename().string();
+    entry["start_us"] = exposure.item->exposure.start;
+    entry["end_us"] = exposure.item->exposure.end;
+    entry["scene"] = describe(exposure.facts);
+    entry["warnings"] = Json::array();
+    for (const SceneWarning& warning : exposure.warnings) {
+        entry["warnings"].push_back({{"name", warning.name}, {"text", warning.text}});
+    }
+    entry["model"] = exposure.model;
+    entry["frames"] = exposure.frames;
+    if (exposure.thresholds) {
+        entry["thresholds"] = {{"positive", rounded(double{exposure.thresholds->positive})},
+                               {"negative", rounded(double{exposure.thresholds->negative})},
+                               {"estimated", !exposure.thresholds_given}};
+    }
+    entry["ignored_pixels"] = exposure.ignored_pixels;
+    entry["ms"] = {{"read", rounded(exposure.ms.read)},
+                   {"prepare", rounded(exposure.ms.prepare)},
+                   {"wait", rounded(exposure.ms.wait)},
+                   {"write", rounded(exposure.ms.write)}};
+    return entry;
+}
+
+} // namespace
+
+DeblurReport::DeblurReport(const std::filesystem::path& file, bool overwrite,
+                           const std::string& device)
+    : output_(file, false, overwrite), writer_(output_.path()) {
+    write("{\n\"device\": " + Json(device).dump() + ",\n\"exposures\": [");
+}
+
+void DeblurReport::add(const ExposureReport& exposure) {
+    write((first_ ? "\n" : ",\n") + describe(exposure).dump());
+    first_ = false;
+}
+
+void DeblurReport::commit() {
+    write("\n]\n}\n");
+    writer_.close();
+    output_.commit();
+}
+
+void DeblurReport::write(const std::string& text) {
+    writer_.write({reinterpret_cast<const uint8_t*>(text.data()), text.size()});
+}
+
+} // namespace ecir::cli
