@@ -82,7 +82,7 @@ void find_flicker(const EventView& events, const Exposure& exposure, SceneFacts&
             rate[bin] += events.p[i] != 0 ? 1 : -1;
         }
     }
-    const double n = static_cast<double>(bins);
+    const auto n = static_cast<double>(bins);
     double mean = 0;
     double slope = 0;
     double spread = 0;
@@ -146,7 +146,7 @@ std::string text(const char* format, double a, double b = 0) {
 SceneFacts scene_facts(std::span<const float> blurry, const EventView& events,
                        const Exposure& exposure, uint32_t width, uint32_t height) {
     SceneFacts facts;
-    const double pixels = static_cast<double>(blurry.size());
+    const auto pixels = static_cast<double>(blurry.size());
     facts.white_share =
         static_cast<double>(std::ranges::count_if(blurry, [](float b) { return b >= kWhite; })) /
         pixels;
@@ -174,6 +174,7 @@ std::vector<SceneWarning> scene_warnings(const SceneFacts& facts) {
     constexpr double kOneSign = 0.85;
     constexpr double kFlicker = 0.3;
     constexpr double kIsolated = 0.3;
+    constexpr double kNoisy = 0.002;   // such events a pixel
     constexpr double kHotShare = 1e-3; // of the pixels
     constexpr double kFarthest = 80; // as estimated; shipped networks were trained up to 100 pixels
     std::vector<SceneWarning> found;
@@ -207,7 +208,8 @@ std::vector<SceneWarning> scene_warnings(const SceneFacts& facts) {
                   "and frames between two half-waves differ in brightness",
                   100 * facts.flicker_share, facts.flicker_hz));
     }
-    if (facts.isolated_share > kIsolated) {
+    if (facts.isolated_share > kIsolated &&
+        facts.isolated_share * facts.events_per_pixel > kNoisy) {
         warn("noise", text("%.0f %% of the events have no neighbour: background noise, which "
                            "frames keep in part",
                            100 * facts.isolated_share));

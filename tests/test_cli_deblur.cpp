@@ -305,4 +305,20 @@ TEST_SUITE("cli deblur") {
         CHECK(again.err.find(file) != std::string::npos);
         CHECK_FALSE(fs::exists(scene.result("reported-2")));
     }
+
+    TEST_CASE("late events are those of a later exposure") {
+        const Scene& scene = Scene::get();
+        must(scene.deblur(scene.result("late.npy"), Arguments{"--lag", "700"} + kEdi));
+        must(Arguments{"deblur", "-i", scene.blurry, "-e", scene.events, "--exposure",
+                       "1600000000000700", "1600000000050700", "-o", scene.result("shifted.npy")} +
+             kEdi);
+        CHECK(array(scene.result("late.npy")).values == array(scene.result("shifted.npy")).values);
+        const Outcome guess =
+            must(scene.deblur(scene.result("guessed.npy"), Arguments{"--lag", "auto"} + kEdi));
+        CHECK(guess.err.find("too few exposures") != std::string::npos);
+        const Outcome refused =
+            run_ecir(scene.deblur(scene.result("x.npy"), Arguments{"--lag", "soon"} + kEdi));
+        CHECK(refused.code == 2);
+        CHECK(refused.err.find("--lag 'soon'") != std::string::npos);
+    }
 }

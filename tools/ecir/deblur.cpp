@@ -22,14 +22,15 @@ struct Options {
     double fps = 0;
     std::vector<double> times;
     std::string size;
+    std::string lag;
 };
 
 [[noreturn]] void refuse(const std::string& what) {
     throw Error(ExitCode::usage, what);
 }
 
-/// Whole microseconds, also written as 1.6e15.
-int64_t parse_time(const std::string& text) {
+/// Whole microseconds, also written as 1.6e15, of an option.
+int64_t parse_time(const std::string& option, const std::string& text) {
     const char* const end = text.data() + text.size();
     constexpr int64_t kLatest = 4'000'000'000'000'000'000; // keeps durations within int64
     int64_t time = 0;
@@ -42,7 +43,7 @@ int64_t parse_time(const std::string& text) {
     const auto other = std::from_chars(text.data(), end, real);
     if (other.ec != std::errc() || other.ptr != end || !(std::abs(real) <= kExact) ||
         real != std::floor(real)) {
-        refuse("--exposure '" + text + "' is not a time in whole microseconds");
+        refuse(option + " '" + text + "' is not a time in whole microseconds");
     }
     return static_cast<int64_t>(real);
 }
@@ -74,11 +75,17 @@ DeblurJob to_job(const Options& options) {
         job.times = options.times.empty() ? even_times(options.frames) : options.times;
     }
     if (!options.exposure.empty()) {
-        job.exposure = Exposure{parse_time(options.exposure[0]), parse_time(options.exposure[1])};
+        job.exposure = Exposure{parse_time("--exposure", options.exposure[0]),
+                                parse_time("--exposure", options.exposure[1])};
     }
     if (!options.thresholds.empty()) {
         job.deblur.thresholds = {static_cast<float>(options.thresholds.front()),
                                  static_cast<float>(options.thresholds.back())};
+    }
+    if (options.lag == "auto") {
+        job.lag.reset();
+    } else if (!options.lag.empty()) {
+        job.lag = parse_time("--lag", options.lag);
     }
     if (!options.size.empty()) {
         job.size = parse_size(options.size);
@@ -114,6 +121,12 @@ void add_input(CLI::App& command, Options& o) {
         .add_option("--exposure", o.exposure, "Of the image, on the events' clock, microseconds")
         ->expected(2)
         ->option_text("START END")
+        ->group(group);
+    command
+        .add_option("--lag", o.lag,
+                    "Of the events behind the frames, microseconds; auto: estimated from a "
+                    "recording's first exposures")
+        ->option_text("US|auto [0]")
         ->group(group);
     command
         .add_option("--size", o.size, "Work at this size: the image is averaged, events are scaled")

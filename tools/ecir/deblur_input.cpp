@@ -1,7 +1,10 @@
 #include "tools/ecir/deblur_input.hpp"
 
+#include <algorithm>
 #include <string>
+#include <vector>
 
+#include "layers/event_lag.hpp"
 #include "runtime/error.hpp"
 #include "tools/ecir/stopwatch.hpp"
 
@@ -89,9 +92,38 @@ io::Recording open_input(const DeblurJob& job) {
     return io::open_recording(job.input);
 }
 
-ExposureReader::ExposureReader(const DeblurJob& job, const io::Recording& recording)
-    : job_(job), events_(recording.events, job.exposure ? io::EventWindows::Reading::sparse
-                                                        : io::EventWindows::Reading::whole) {
+std::optional<int64_t> estimate_lag(const io::Recording& recording) {
+    constexpr size_t kPairs = 8;
+    io::EventWindows windows(recording.events, io::EventWindows::Reading::sparse);
+    std::optional<EventLagEstimator> estimator;
+    std::vector<float> before;
+    for (size_t i = 0; i < std::min(recording.items.size(), kPairs + 1); ++i) {
+        const auto& item = recording.items[i];
+        const io::Image image = io::read_image(item.image);
+        std::vector<float> luminance = io::luminance(image);
+        const bool follows = i > 0 && recording.items[i - 1].exposure.end <= item.exposure.start &&
+                             before.size() == luminance.size();
+        if (follows) {
+            const Exposure& first = recording.items[i - 1].exposure;
+            const auto [events, number] =
+                windows.read({first.start - EventLagEstimator::kReach,
+                              item.exposure.end + EventLagEstimator::kReach});
+            io::check_inside(events, image.width, image.height, windows.path(), number);
+            if (!estimator) {
+                estimator.emplace(static_cast<uint32_t>(image.width),
+                                  static_cast<uint32_t>(image.height));
+            }
+            estimator->add(before, first, luminance, item.exposure, events);
+        }
+        before = std::move(luminance);
+    }
+    return estimator ? estimator->estimate() : std::nullopt;
+}
+
+ExposureReader::ExposureReader(const DeblurJob& job, const io::Recording& recording, int64_t lag)
+    : job_(job), lag_(lag),
+      events_(recording.events,
+              job.exposure ? io::EventWindows::Reading::sparse : io::EventWindows::Reading::whole) {
     for (const auto& item : recording.items) {
         check_exposure(item.exposure, events_);
     }
@@ -104,7 +136,8 @@ LoadedExposure ExposureReader::read(const io::Recording::Item& item) {
     loaded.image = io::read_image(item.image);
     io::Image& image = loaded.image;
     check_image(image, item.image);
-    const auto [events, first] = events_.read(item.exposure);
+    loaded.exposure = {item.exposure.start + lag_, item.exposure.end + lag_};
+    const auto [events, first] = events_.read(loaded.exposure);
     io::check_inside(events, image.width, image.height, events_.path(), first);
     if (job_.size) {
         loaded.events = scale_events(events, image.width, image.height, *job_.size);
@@ -114,7 +147,7 @@ LoadedExposure ExposureReader::read(const io::Recording::Item& item) {
     }
     loaded.luminance = io::luminance(image);
     loaded.facts =
-        scene_facts(loaded.luminance, loaded.events.view(), item.exposure,
+        scene_facts(loaded.luminance, loaded.events.view(), loaded.exposure,
                     static_cast<uint32_t>(image.width), static_cast<uint32_t>(image.height));
     loaded.read_ms = watch.ms();
     return loaded;

@@ -12,6 +12,7 @@ namespace ecir::cli {
 /// An exposure as it goes to the device, at the size to work at.
 struct LoadedExposure {
     const io::Recording::Item* item = nullptr;
+    Exposure exposure; ///< on the events' clock
     io::Image image;
     std::vector<float> luminance;
     Events events; ///< of the exposure
@@ -23,12 +24,17 @@ struct LoadedExposure {
 /// Throws Error: usage for options that do not fit the input, bad_input as open_recording() does.
 io::Recording open_input(const DeblurJob& job);
 
+/// How late a recording's events are, from its first exposures (EventLagEstimator); none where they
+/// are too few, or nothing moves. Errors as for ExposureReader::read().
+std::optional<int64_t> estimate_lag(const io::Recording& recording);
+
 /// Reads a recording's exposures, images and events, one after another.
 class ExposureReader {
 public:
     /// Throws Error(bad_input) for an exposure that lies wholly outside the events, a mistake in
     /// the clock, and as EventWindows does. `job` and `recording` must live on.
-    ExposureReader(const DeblurJob& job, const io::Recording& recording);
+    /// lag: of the events, microseconds.
+    ExposureReader(const DeblurJob& job, const io::Recording& recording, int64_t lag);
 
     /// Throws Error(bad_input), naming the file, for what cannot be read, and for an image or
     /// events that are not of the sensor of the exposures before.
@@ -41,6 +47,7 @@ private:
     void check_image(const io::Image& image, const std::filesystem::path& path);
 
     const DeblurJob& job_;
+    int64_t lag_;
     io::EventWindows events_;
     PixelSize sensor_{}; ///< of the first image
     int channels_ = 0;   ///< 0: there was no image yet

@@ -81,10 +81,15 @@ public:
 
     void operator()() {
         FrameOutput output(job_.output, job_.overwrite, frames_, kVideoFps);
-        ExposureReader reader(job_, recording_);
+        if (!job_.lag || !job_.report.empty()) {
+            lag_ = estimate_lag(recording_);
+        }
+        tell_lag();
+        ExposureReader reader(job_, recording_, job_.lag.value_or(lag_.value_or(0)));
         device_ = Device::open(job_.device);
         if (!job_.report.empty()) {
-            report_.emplace(job_.report, job_.overwrite, device_->info().name);
+            report_.emplace(job_.report, job_.overwrite, device_->info().name,
+                            job_.lag.value_or(lag_.value_or(0)), lag_);
         }
         if (device_->info().is_cpu && job_.device.empty()) {
             console_.note("no GPU found, using the CPU driver " + device_->info().name +
@@ -182,7 +187,7 @@ private:
         next.times = wanted_times(job_, loaded.item->exposure);
         begun_.reserve(kBegun);
         const Stopwatch watch;
-        deblur_->begin(loaded.luminance, loaded.events.view(), loaded.item->exposure, next.times);
+        deblur_->begin(loaded.luminance, loaded.events.view(), loaded.exposure, next.times);
         next.report = report_of(loaded, next.times.size());
         next.report.ms = {.read = loaded.read_ms, .prepare = watch.ms()};
         loaded.events = {};
@@ -240,6 +245,19 @@ private:
         }
     }
 
+    void tell_lag() const {
+        constexpr int64_t kHarmless = 5000; // microseconds: well beyond the error of the estimate
+        if (!job_.lag) {
+            console_.note(lag_ ? "estimated lag of the events: " + std::to_string(*lag_) + " us"
+                               : "too few exposures with motion to tell how late the events are; "
+                                 "taking them as on time");
+        } else if (lag_ && std::abs(*lag_ - *job_.lag) > kHarmless) {
+            console_.warn("the events seem to be " + std::to_string(*lag_) +
+                          " us late against the frames, not " + std::to_string(*job_.lag) +
+                          "; frames keep ghosts of the ends; try --lag auto");
+        }
+    }
+
     /// Once, and again where a recording's running estimate has moved.
     void tell_thresholds(const std::string& image, const std::optional<EdiThresholds>& used) {
         if (!used || job_.deblur.thresholds) {
@@ -255,7 +273,9 @@ private:
     }
 
     void write(const Deblurred& deblurred, FrameOutput& output) const {
-        const auto& [item, image, luminance, events, facts, read_ms] = deblurred.exposure;
+        const auto& item = deblurred.exposure.item;
+        const io::Image& image = deblurred.exposure.image;
+        const auto& luminance = deblurred.exposure.luminance;
         const bool single = recording_.items.size() == 1 && job_.exposure;
         io::Image sharp = image;
         for (size_t i = 0; i < deblurred.times.size(); ++i) {
@@ -280,6 +300,7 @@ private:
     io::Recording recording_;
     Console console_;
     std::optional<DeblurReport> report_;
+    std::optional<int64_t> lag_; ///< of the events as estimated, microseconds
     size_t frames_ = 0;
     Handover<LoadedExposure> loaded_{2};
     Handover<Deblurred> deblurred_{1};

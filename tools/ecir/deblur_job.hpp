@@ -20,6 +20,7 @@ struct DeblurJob {
     std::vector<double> times; ///< normalised; empty: by `fps`
     double fps = 0;
     std::optional<PixelSize> size;
+    std::optional<int64_t> lag = 0; ///< of the events behind the frames, us; none: estimate
     std::string device;
     bool overwrite = false;
 };

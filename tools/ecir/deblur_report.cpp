@@ -58,9 +58,12 @@ Json describe(const ExposureReport& exposure) {
 } // namespace
 
 DeblurReport::DeblurReport(const std::filesystem::path& file, bool overwrite,
-                           const std::string& device)
+                           const std::string& device, int64_t lag,
+                           std::optional<int64_t> estimated_lag)
     : output_(file, false, overwrite), writer_(output_.path()) {
-    write("{\n\"device\": " + Json(device).dump() + ",\n\"exposures\": [");
+    write("{\n\"device\": " + Json(device).dump() + ",\n\"lag_us\": " + Json(lag).dump() +
+          ",\n\"estimated_lag_us\": " + (estimated_lag ? Json(*estimated_lag) : Json()).dump() +
+          ",\n\"exposures\": [");
 }
 
 void DeblurReport::add(const ExposureReport& exposure) {

@@ -38,8 +38,10 @@ struct ExposureReport {
 /// Exposures go to the disk as they come, so memory does not grow with their number.
 class DeblurReport {
 public:
-    /// Throws Error as PendingOutput does.
-    DeblurReport(const std::filesystem::path& file, bool overwrite, const std::string& device);
+    /// Lags of the events, microseconds: what was used, what was estimated. Throws Error as
+    /// PendingOutput does.
+    DeblurReport(const std::filesystem::path& file, bool overwrite, const std::string& device,
+                 int64_t lag, std::optional<int64_t> estimated_lag);
     void add(const ExposureReport& exposure);
     /// Makes the file appear under its name.
     void commit();
