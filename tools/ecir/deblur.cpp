@@ -22,6 +22,7 @@ struct Options {
     double fps = 0;
     std::vector<double> times;
     std::string size;
+    std::string regions = "on";
 };
 
 [[noreturn]] void refuse(const std::string& what) {
@@ -80,6 +81,7 @@ DeblurJob to_job(const Options& options) {
         job.deblur.thresholds = {static_cast<float>(options.thresholds.front()),
                                  static_cast<float>(options.thresholds.back())};
     }
+    job.deblur.regions = options.regions == "on";
     if (!options.size.empty()) {
         job.size = parse_size(options.size);
     }
@@ -163,6 +165,12 @@ void add_method(CLI::App& command, Options& o) {
         ->expected(1, 2)
         ->check(within(0.001, 10))
         ->option_text("C+ [C-]")
+        ->group(group);
+    command
+        .add_option("--regions", o.regions,
+                    "Compute only what moves; off: all of the image, to the same frames")
+        ->check(CLI::IsMember({"on", "off"}))
+        ->option_text("on|off [" + o.regions + "]")
         ->group(group);
     add_device_option(command, o.job.device)->group(group);
 }
