@@ -5,8 +5,10 @@
 
 #include "layers/ecir.hpp"
 #include "layers/edi_method.hpp"
+#include "layers/edi_threshold.hpp"
 #include "layers/esl_net.hpp"
 #include "layers/fusion.hpp"
+#include "layers/windowed.hpp"
 #include "runtime/error.hpp"
 #include "weights/safetensors.hpp"
 
@@ -14,6 +16,13 @@ namespace ecir {
 namespace {
 
 constexpr double kIntensityOffset = 0.01; ///< e: keeps ratios and logarithms of dark pixels finite
+
+/// Pixels around what moves that a network sees (RegionRule::context): with them what is kept
+/// differs from the whole image's by less than a tenth of a grey level.
+constexpr uint32_t kFusionContext = 56;
+constexpr uint32_t kEcirContext = 72;
+constexpr uint32_t kEslNetContext = 56;
+constexpr uint32_t kFade = 8; ///< pixels (RegionRule::fade)
 
 /// For methods that E-CIR's options mean nothing to.
 void refuse_ecir_options(const std::string& method, const DeblurOptions& options) {
@@ -48,14 +57,19 @@ void check_thresholds(const EdiThresholds& thresholds) {
     }
 }
 
-std::unique_ptr<Method> make_method(std::shared_ptr<Device> device, const DeblurOptions& options,
-                                    uint32_t width, uint32_t height) {
+} // namespace
+
+Deblur::Model Deblur::make_model(const std::shared_ptr<Device>& device,
+                                 const DeblurOptions& options, uint32_t width, uint32_t height) {
     if (options.thresholds) {
         check_thresholds(*options.thresholds);
     }
     if (options.model == "edi") {
         refuse_ecir_options("edi", options);
-        return std::make_unique<EdiMethod>(std::move(device), height, width, options.thresholds);
+        return {.method = std::make_unique<EdiMethod>(device, height, width),
+                .rule = {},
+                .pixel_by_pixel = true,
+                .has_thresholds = true};
     }
     const SafeTensors weights(find_model(options.model));
     const std::string kind = weights.meta("model");
@@ -74,8 +88,12 @@ std::unique_ptr<Method> make_method(std::shared_ptr<Device> device, const Deblur
                             " is for ecir models; give 1, or 0 for the prior alone, or leave "
                             "--refine out");
         }
-        return std::make_unique<FusionMethod>(std::move(device), weights, height, width,
-                                              options.thresholds, options.refine.value_or(1) > 0);
+        const bool correct = options.refine.value_or(1) > 0;
+        return {.method = std::make_unique<FusionMethod>(device, weights, height, width, correct),
+                .rule = correct ? RegionRule{kFusionContext, kFade} : RegionRule{},
+                .pixel_by_pixel = !correct,
+                .has_thresholds = true,
+                .ignores_busy_pixels = true};
     }
     if (kind != "ecir" && kind != "esl_net") {
         throw Error(ExitCode::bad_input,
@@ -89,7 +107,8 @@ std::unique_ptr<Method> make_method(std::shared_ptr<Device> device, const Deblur
     }
     if (kind == "esl_net") {
         refuse_ecir_options("model " + options.model + ", an eSL-Net,", options);
-        return std::make_unique<EslNetMethod>(std::move(device), weights, height, width);
+        return {.method = std::make_unique<EslNetMethod>(device, weights, height, width),
+                .rule = {kEslNetContext, kFade}};
     }
     const EcirConfig config(weights);
     if (options.keypoints && *options.keypoints != config.keypoints) {
@@ -98,17 +117,42 @@ std::unique_ptr<Method> make_method(std::shared_ptr<Device> device, const Deblur
                                          std::to_string(*options.keypoints) +
                                          "; leave --keypoints out or use another model (-m)");
     }
-    return std::make_unique<EcirMethod>(std::move(device), weights, height, width, options.refine);
+    return {.method = std::make_unique<EcirMethod>(device, weights, height, width, options.refine),
+            .rule = {kEcirContext, kFade},
+            .local = !config.release};
 }
-
-} // namespace
 
 Deblur::Deblur(std::shared_ptr<Device> device, const DeblurOptions& options, uint32_t width,
                uint32_t height)
-    : method_(make_method(std::move(device), options, width, height)), width_(width),
-      height_(height) {}
+    : Deblur(device, options, make_model(device, options, width, height), width, height) {}
+
+Deblur::Deblur(const std::shared_ptr<Device>& device, const DeblurOptions& options, Model model,
+               uint32_t width, uint32_t height)
+    : model_(std::move(model)),
+      method_(std::make_unique<WindowedMethod>(std::move(model_.method), width, height)),
+      regions_(options.regions), width_(width), height_(height) {
+    if (model_.has_thresholds) {
+        source_ = std::make_unique<EdiThresholdSource>(*device, width, height, options.thresholds);
+    }
+}
 Deblur::~Deblur() = default;
 Deblur::Deblur(Deblur&&) noexcept = default;
+
+Regions Deblur::find_work(const EventView& events, const Exposure& exposure, double& active_share) {
+    const PixelRect all{0, 0, width_, height_};
+    if (!model_.local) {
+        active_share = 1;
+        return {{{all, all}}, {}};
+    }
+    const ActivityMap map = model_.pixel_by_pixel ? touched_cells(events, width_, height_)
+                                                  : moving_cells(events, exposure, width_, height_);
+    active_share = map.share();
+    Regions regions = find_regions(map, model_.rule, width_, height_);
+    if (!regions_ && !regions.windows.empty()) {
+        regions.windows = {{all, all}};
+    }
+    return regions;
+}
 
 std::vector<float> Deblur::frames(std::span<const float> blurry, const EventView& events,
                                   const Exposure& exposure, std::span<const double> times) {
@@ -138,7 +182,15 @@ void Deblur::begin(std::span<const float> blurry, const EventView& events, const
     }
     check_values(blurry, width_);
     const EventView seen = window(events, exposure);
-    if (seen.size() == 0) {
+    Regions regions;
+    if (seen.size() > 0) {
+        check_events(seen, exposure, width_, height_);
+        regions = find_work(seen, exposure, begun.active_share);
+        if (model_.ignores_busy_pixels) {
+            begun.ignored_pixels = prior_busy_pixels(seen, width_, height_);
+        }
+    }
+    if (regions.windows.empty()) {
         begun.still.reserve(times.size() * pixels);
         for (size_t i = 0; i < times.size(); ++i) {
             begun.still.insert(begun.still.end(), blurry.begin(), blurry.end());
@@ -155,9 +207,15 @@ void Deblur::begin(std::span<const float> blurry, const EventView& events, const
         ascending.push_back(times[i]);
     }
     begun_.reserve(begun_.size() + 1); // nothing may fail once the method has begun
-    const FrameFacts facts = method_->begin({blurry, seen, exposure, ascending});
-    begun.thresholds = facts.thresholds;
-    begun.ignored_pixels = facts.ignored_pixels;
+    FrameInput input{blurry, seen, exposure, ascending};
+    if (source_) {
+        input.thresholds = source_->choose(seen, exposure, blurry);
+        begun.thresholds = input.thresholds;
+    }
+    for (const Window& part : regions.windows) {
+        begun.windows.push_back(part.computed);
+    }
+    method_->begin(input, regions);
     begun_.push_back(std::move(begun));
 }
 
@@ -166,17 +224,9 @@ std::vector<float> Deblur::finish() {
     begun_.erase(begun_.begin());
     thresholds_ = begun.thresholds;
     ignored_pixels_ = begun.ignored_pixels;
-    if (begun.order.empty()) {
-        return std::move(begun.still);
-    }
-    const size_t pixels = size_t{width_} * height_;
-    const auto frames = method_->finish();
-    std::vector<float> result(begun.order.size() * pixels);
-    for (size_t i = 0; i < begun.order.size(); ++i) {
-        std::ranges::copy(frames.subspan(i * pixels, pixels),
-                          result.begin() + static_cast<std::ptrdiff_t>(begun.order[i] * pixels));
-    }
-    return result;
+    active_share_ = begun.active_share;
+    computed_ = std::move(begun.windows);
+    return begun.order.empty() ? std::move(begun.still) : method_->finish(begun.order);
 }
 
 double Deblur::operations() const {

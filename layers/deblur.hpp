@@ -8,11 +8,14 @@
 
 #include "layers/edi.hpp"
 #include "layers/events.hpp"
+#include "layers/regions.hpp"
 #include "runtime/device.hpp"
 
 namespace ecir {
 
+class EdiThresholdSource;
 class Method;
+class WindowedMethod;
 
 struct DeblurOptions {
     /// A shipped model's name, the path of a .safetensors file, or `edi`.
@@ -25,12 +28,22 @@ struct DeblurOptions {
     /// For `edi` and fusion networks; unset: estimated from the frames and their events, those of
     /// the first frames for all that follow (EdiThresholdTrack).
     std::optional<EdiThresholds> thresholds;
+    /// Compute only what moves (see Deblur). False: the whole image, to the same result within a
+    /// tenth of a grey level of 255.
+    bool regions = true;
 };
 
 /// The library's main entry: a motion-blurred frame and the events of its exposure to sharp frames
 /// at any times of the exposure. One object serves one sensor, whose contrast thresholds it may
 /// learn from frame to frame, and one image size; a program is recorded at the first frame and
 /// replayed as long as the number of times stays.
+///
+/// Where nothing moves the blurry frame is the answer already. So a network's correction counts in
+/// full where events fell as motion makes them (moving_cells()), fades out over 8 pixels around,
+/// and beyond there are the blurry frame's own values; unless nearly all of the
+/// image moves (find_regions()), where it counts everywhere. `edi`, and a fusion network's prior
+/// alone, change no pixel without events. What is left to compute is computed in windows. E-CIR's
+/// `release` variant, whose clock is all events', is computed whole.
 class Deblur {
 public:
     /// Throws Error: bad_input for a model that cannot be found or read, usage for options that the
@@ -68,6 +81,12 @@ public:
     /// (prior_busy_events), to which they were pixels without events. 0 for the other models.
     [[nodiscard]] size_t ignored_pixels() const { return ignored_pixels_; }
 
+    /// Share of the image that moved in the frame finished last, 0 to 1: of the cells that
+    /// moving_cells() finds (touched_cells() for `edi`); 1 for a model that is computed whole.
+    [[nodiscard]] double active_share() const { return active_share_; }
+    /// What was computed of it; none where nothing moved.
+    [[nodiscard]] const std::vector<PixelRect>& windows() const { return computed_; }
+
     /// Floating-point operations of the kernels for one frame, of as many times as the last; 0
     /// before the first one with events.
     [[nodiscard]] double operations() const;
@@ -78,15 +97,37 @@ private:
         std::vector<size_t> order; ///< of the times, ascending
         std::optional<EdiThresholds> thresholds;
         size_t ignored_pixels = 0;
-        std::vector<float> still; ///< the result, where there were no events
+        double active_share = 0;
+        std::vector<PixelRect> windows;
+        std::vector<float> still; ///< the result, where nothing moved
     };
+    /// What is particular to a model.
+    struct Model {
+        std::unique_ptr<Method> method;
+        RegionRule rule;
+        bool local = true;           ///< what happens far away does not matter
+        bool pixel_by_pixel = false; ///< and what happens beside a pixel neither
+        bool has_thresholds = false;
+        bool ignores_busy_pixels = false; ///< as prior_busy_events says
+    };
+    static Model make_model(const std::shared_ptr<Device>& device, const DeblurOptions& options,
+                            uint32_t width, uint32_t height);
+    Deblur(const std::shared_ptr<Device>& device, const DeblurOptions& options, Model model,
+           uint32_t width, uint32_t height);
+    /// Regions to compute, and the share of the image that moved.
+    Regions find_work(const EventView& events, const Exposure& exposure, double& active_share);
 
-    std::unique_ptr<Method> method_;
+    Model model_; ///< without the method
+    std::unique_ptr<WindowedMethod> method_;
+    std::unique_ptr<EdiThresholdSource> source_; ///< of a model that has thresholds
+    bool regions_;
     uint32_t width_;
     uint32_t height_;
     std::vector<Begun> begun_; ///< the oldest first
     std::optional<EdiThresholds> thresholds_;
     size_t ignored_pixels_ = 0;
+    double active_share_ = 0;
+    std::vector<PixelRect> computed_;
 };
 
 /// count times evenly from -1 to 1, both included; {0} for one.

@@ -47,8 +47,21 @@ EcirConfig::EcirConfig(const SafeTensors& weights)
 EcirMethod::EcirMethod(std::shared_ptr<Device> device, const SafeTensors& weights, uint32_t height,
                        uint32_t width, std::optional<uint32_t> refine)
     : device_(std::move(device)), config_(weights),
-      unet_(*device_, weights, config_.bins, config_.keypoints), refinement_(*device_, weights),
+      networks_(std::make_shared<const Networks>(
+          Networks{UNet(*device_, weights, config_.bins, config_.keypoints),
+                   Refinement(*device_, weights)})),
       height_(height), width_(width), iterations_(refine.value_or(config_.iterations)) {}
+
+EcirMethod::EcirMethod(std::shared_ptr<Device> device, const EcirConfig& config,
+                       std::shared_ptr<const Networks> networks, uint32_t height, uint32_t width,
+                       uint32_t iterations)
+    : device_(std::move(device)), config_(config), networks_(std::move(networks)), height_(height),
+      width_(width), iterations_(iterations) {}
+
+std::unique_ptr<Method> EcirMethod::resized(uint32_t height, uint32_t width) const {
+    return std::unique_ptr<Method>(
+        new EcirMethod(device_, config_, networks_, height, width, iterations_));
+}
 
 void EcirMethod::record(Program& program, uint32_t frames, uint32_t capacity) {
     const uint32_t block = channel_block(device_->info());
@@ -73,7 +86,7 @@ void EcirMethod::record(Program& program, uint32_t frames, uint32_t capacity) {
     program.clear(keypoints);
     record_keypoints(program, events_.offset, events_.time, events_.tick, rule_, keypoints, 0, n);
 
-    const Tensor derivatives = unet_.record(program, blurry_, histogram, keypoints);
+    const Tensor derivatives = networks_->unet.record(program, blurry_, histogram, keypoints);
 
     const CurveOptions curve{.n = n, .spaced = !config_.release};
     const Tensor initial = refine ? program.temporary({frames, height_, width_, 1, 1}) : output_;
@@ -89,7 +102,7 @@ void EcirMethod::record(Program& program, uint32_t frames, uint32_t capacity) {
             record_event_histogram(program, events_.offset, events_.mark, events_.positives,
                                    frame_intervals_, counts);
         }
-        refinement_.record(program, initial, counts, output_, iterations_);
+        networks_->refinement.record(program, initial, counts, output_, iterations_);
     }
 }
 
@@ -99,7 +112,7 @@ std::vector<IntervalRange> EcirMethod::intervals(const FrameInput& input,
                            : paper_intervals(input.events, input.exposure, edges);
 }
 
-FrameFacts EcirMethod::begin(const FrameInput& input) {
+void EcirMethod::begin(const FrameInput& input) {
     const auto count = static_cast<uint32_t>(input.times.size());
     Program& program =
         program_.prepare(*device_, count, input.events.size(),
@@ -120,7 +133,6 @@ FrameFacts EcirMethod::begin(const FrameInput& input) {
     program.write(frame_intervals_, flat(intervals(input, input.times)));
     program.write(matrix_, curve_matrix(config_.keypoints, input.times));
     program_.submit(output_);
-    return {};
 }
 
 } // namespace ecir

@@ -29,23 +29,31 @@ public:
     EcirMethod(std::shared_ptr<Device> device, const SafeTensors& weights, uint32_t height,
                uint32_t width, std::optional<uint32_t> refine);
 
-    FrameFacts begin(const FrameInput& input) override;
+    void begin(const FrameInput& input) override;
     std::span<const float> finish() override { return program_.finish(); }
     [[nodiscard]] double operations() const override { return program_.operations(); }
+    [[nodiscard]] std::unique_ptr<Method> resized(uint32_t height, uint32_t width) const override;
 
     [[nodiscard]] const EcirConfig& config() const { return config_; }
     /// Time of each dispatch of a run with the last input.
     [[nodiscard]] std::vector<DispatchTime> profile() const { return program_.profile(); }
 
 private:
+    /// On the device.
+    struct Networks {
+        UNet unet;
+        Refinement refinement;
+    };
+    EcirMethod(std::shared_ptr<Device> device, const EcirConfig& config,
+               std::shared_ptr<const Networks> networks, uint32_t height, uint32_t width,
+               uint32_t iterations);
     void record(Program& program, uint32_t frames, uint32_t capacity);
     [[nodiscard]] std::vector<IntervalRange> intervals(const FrameInput& input,
                                                        std::span<const double> edges) const;
 
     std::shared_ptr<Device> device_;
     EcirConfig config_;
-    UNet unet_;
-    Refinement refinement_;
+    std::shared_ptr<const Networks> networks_;
     uint32_t height_;
     uint32_t width_;
     uint32_t iterations_;

@@ -237,7 +237,7 @@ EdiBalance EdiThresholdEstimator::balance(const PackedEvents& events, std::span<
 
 EdiThresholdSource::EdiThresholdSource(Device& device, uint32_t width, uint32_t height,
                                        std::optional<EdiThresholds> given)
-    : given_(given) {
+    : width_(width), height_(height), given_(given) {
     if (!given_ && std::min(width, height) < smallest_side) {
         given_ = EdiThresholds{};
     }
@@ -246,10 +246,14 @@ EdiThresholdSource::EdiThresholdSource(Device& device, uint32_t width, uint32_t 
     }
 }
 
-EdiThresholds EdiThresholdSource::choose(const PackedEvents& events,
+EdiThresholds EdiThresholdSource::choose(const EventView& events, const Exposure& exposure,
                                          std::span<const float> blurry) {
-    used_ = given_ ? *given_ : track_.next([&] { return estimator_->estimate(events, blurry); });
-    return *used_;
+    if (given_) {
+        return *given_;
+    }
+    return track_.next([&] {
+        return estimator_->estimate(pack_events(events, exposure, width_, height_), blurry);
+    });
 }
 
 } // namespace ecir

@@ -75,14 +75,14 @@ public:
     EdiThresholdSource(Device& device, uint32_t width, uint32_t height,
                        std::optional<EdiThresholds> given);
 
-    EdiThresholds choose(const PackedEvents& events, std::span<const float> blurry);
-
-    /// Those of the last frame.
-    [[nodiscard]] std::optional<EdiThresholds> used() const { return used_; }
+    /// events, exposure: as pack_events() takes them; blurry: height x width values in [0, 1].
+    EdiThresholds choose(const EventView& events, const Exposure& exposure,
+                         std::span<const float> blurry);
 
 private:
+    uint32_t width_;
+    uint32_t height_;
     std::optional<EdiThresholds> given_;
-    std::optional<EdiThresholds> used_;
     std::unique_ptr<EdiThresholdEstimator> estimator_; ///< only where thresholds were not given
     EdiThresholdTrack track_;
 };

@@ -114,7 +114,15 @@ void EslNet::record(Program& program, const Tensor& blurry, const Tensor& histog
 
 EslNetMethod::EslNetMethod(std::shared_ptr<Device> device, const SafeTensors& weights,
                            uint32_t height, uint32_t width)
-    : device_(std::move(device)), network_(*device_, weights), height_(height), width_(width) {}
+    : EslNetMethod(device, std::make_shared<const EslNet>(*device, weights), height, width) {}
+
+EslNetMethod::EslNetMethod(std::shared_ptr<Device> device, std::shared_ptr<const EslNet> network,
+                           uint32_t height, uint32_t width)
+    : device_(std::move(device)), network_(std::move(network)), height_(height), width_(width) {}
+
+std::unique_ptr<Method> EslNetMethod::resized(uint32_t height, uint32_t width) const {
+    return std::unique_ptr<Method>(new EslNetMethod(device_, network_, height, width));
+}
 
 void EslNetMethod::record(Program& program, uint32_t capacity) {
     events_ = EventTensors(program, height_, width_, capacity);
@@ -125,10 +133,10 @@ void EslNetMethod::record(Program& program, uint32_t capacity) {
         program.temporary({4 * EslNet::bins, height_, width_, channel_block(device_->info()), 0});
     record_event_histogram(program, events_.offset, events_.mark, events_.positives, intervals_,
                            histogram);
-    network_.record(program, blurry_, histogram, output_);
+    network_->record(program, blurry_, histogram, output_);
 }
 
-FrameFacts EslNetMethod::begin(const FrameInput& input) {
+void EslNetMethod::begin(const FrameInput& input) {
     Program& program =
         program_.prepare(*device_, 1, input.events.size(),
                          [&](Program& made, uint32_t capacity) { record(made, capacity); });
@@ -143,7 +151,6 @@ FrameFacts EslNetMethod::begin(const FrameInput& input) {
         frames.insert(frames.end(), frame.begin(), frame.end());
     }
     made_.push_back(std::move(frames));
-    return {};
 }
 
 std::span<const float> EslNetMethod::finish() {

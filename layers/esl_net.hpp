@@ -49,18 +49,21 @@ public:
                  uint32_t width);
 
     /// Does all the work, so that frames do not overlap; each takes the device long.
-    FrameFacts begin(const FrameInput& input) override;
+    void begin(const FrameInput& input) override;
     std::span<const float> finish() override;
     [[nodiscard]] double operations() const override { return program_.operations(); }
+    [[nodiscard]] std::unique_ptr<Method> resized(uint32_t height, uint32_t width) const override;
 
     /// Time of each dispatch of a run for the last frame.
     [[nodiscard]] std::vector<DispatchTime> profile() const { return program_.profile(); }
 
 private:
+    EslNetMethod(std::shared_ptr<Device> device, std::shared_ptr<const EslNet> network,
+                 uint32_t height, uint32_t width);
     void record(Program& program, uint32_t capacity);
 
     std::shared_ptr<Device> device_;
-    EslNet network_;
+    std::shared_ptr<const EslNet> network_;
     uint32_t height_;
     uint32_t width_;
 

@@ -57,13 +57,22 @@ double normalised_time(int64_t t, const Exposure& exposure) {
     return static_cast<double>(2 * (t - exposure.start) - duration) / static_cast<double>(duration);
 }
 
-PackedEvents pack_events(const EventView& events, const Exposure& exposure, uint32_t width,
-                         uint32_t height) {
+void check_events(const EventView& events, const Exposure& exposure, uint32_t width,
+                  uint32_t height) {
     check_exposure(exposure);
     const size_t count = events.size();
     if (count >= size_t{1} << 31) {
         reject(std::to_string(count) + " events in one exposure; fewer than 2^31 are supported");
     }
+    for (size_t i = 0; i < count; ++i) {
+        check_event(events, i, exposure, width, height);
+    }
+}
+
+PackedEvents pack_events(const EventView& events, const Exposure& exposure, uint32_t width,
+                         uint32_t height) {
+    check_events(events, exposure, width, height);
+    const size_t count = events.size();
     PackedEvents packed;
     packed.duration = exposure.duration();
     packed.offset.assign(size_t{width} * height + 1, 0);
@@ -73,7 +82,6 @@ PackedEvents pack_events(const EventView& events, const Exposure& exposure, uint
 
     const auto pixel = [&](size_t i) { return size_t{events.y[i]} * width + events.x[i]; };
     for (size_t i = 0; i < count; ++i) {
-        check_event(events, i, exposure, width, height);
         ++packed.offset[pixel(i) + 1];
     }
     std::partial_sum(packed.offset.begin(), packed.offset.end(), packed.offset.begin());

@@ -30,10 +30,14 @@ struct PackedEvents {
     [[nodiscard]] size_t size() const { return mark.size(); }
 };
 
-/// Counting sort of `events`, which must be sorted by time and lie inside `exposure` (see
-/// window()). Throws Error(bad_input) for an exposure that is empty or longer than
-/// longest_exposure_us, for an event outside the exposure or the width x height sensor, for times
-/// that go back, and for 2^31 events or more.
+/// Throws Error(bad_input) for an exposure that is empty or longer than longest_exposure_us, for an
+/// event outside the exposure (see window()) or the width x height sensor, for times that go back,
+/// and for 2^31 events or more.
+void check_events(const EventView& events, const Exposure& exposure, uint32_t width,
+                  uint32_t height);
+
+/// Counting sort of `events`, which must be sorted by time and lie inside `exposure`. Throws as
+/// check_events().
 PackedEvents pack_events(const EventView& events, const Exposure& exposure, uint32_t width,
                          uint32_t height);
 

@@ -237,18 +237,25 @@ void FusionHead::record(Program& program, const Tensors& t, const Tensor& frame)
                 {.start = t.x0, .added = t.planes.channels(0, 1)});
 }
 
-FusionMethod::FusionMethod(std::shared_ptr<Device> device, const SafeTensors& weights,
-                           uint32_t height, uint32_t width, std::optional<EdiThresholds> thresholds,
-                           bool correct)
-    : FusionMethod(std::move(device), weights, FusionWidths(weights), height, width, thresholds,
-                   correct) {}
+std::shared_ptr<const FusionMethod::Networks> FusionMethod::load(Device& device,
+                                                                 const SafeTensors& weights) {
+    const FusionWidths widths(weights);
+    return std::make_shared<const Networks>(
+        Networks{FusionTrunk(device, weights, widths), FusionHead(device, weights, widths)});
+}
 
 FusionMethod::FusionMethod(std::shared_ptr<Device> device, const SafeTensors& weights,
-                           const FusionWidths& widths, uint32_t height, uint32_t width,
-                           std::optional<EdiThresholds> thresholds, bool correct)
-    : device_(std::move(device)), trunk_(*device_, weights, widths),
-      head_(*device_, weights, widths), height_(height), width_(width),
-      thresholds_(*device_, width, height, thresholds), correct_(correct) {}
+                           uint32_t height, uint32_t width, bool correct)
+    : FusionMethod(device, load(*device, weights), height, width, correct) {}
+
+FusionMethod::FusionMethod(std::shared_ptr<Device> device, std::shared_ptr<const Networks> networks,
+                           uint32_t height, uint32_t width, bool correct)
+    : device_(std::move(device)), networks_(std::move(networks)), height_(height), width_(width),
+      correct_(correct) {}
+
+std::unique_ptr<Method> FusionMethod::resized(uint32_t height, uint32_t width) const {
+    return std::unique_ptr<Method>(new FusionMethod(device_, networks_, height, width, correct_));
+}
 
 void FusionMethod::record(Program& program, uint32_t frames, uint32_t capacity) {
     events_ = EventTensors(program, height_, width_, capacity);
@@ -278,9 +285,9 @@ void FusionMethod::record_corrected_frames(Program& program, const PriorInput& i
     const Tensor velocity = program.temporary(motion_layout(height_, width_));
     const Tensor channels = cleared(program, level(program, 2 * anchor_count, height_, width_, 8));
     record_motion(program, exposure.logarithms, velocity, channels);
-    const Tensor features = trunk_.record(program, exposure, channels);
+    const Tensor features = networks_->trunk.record(program, exposure, channels);
 
-    const FusionHead::Tensors head = head_.prepare(program, height_, width_);
+    const FusionHead::Tensors head = networks_->head.prepare(program, height_, width_);
     const Tensor away = program.temporary(velocity.layout());
     for (uint32_t i = 0; i < output_.layout().channels; ++i) {
         const Tensor instant = instants_.channels(i, 1);
@@ -288,7 +295,7 @@ void FusionMethod::record_corrected_frames(Program& program, const PriorInput& i
         record_trajectory(program, velocity, instant, away);
         record_fusion_fetch(program, exposure.anchors, away, instant, head.planes);
         record_fusion_mix(program, features, instant, head.mixed);
-        head_.record(program, head, output_.channels(i, 1));
+        networks_->head.record(program, head, output_.channels(i, 1));
     }
 }
 
@@ -302,20 +309,18 @@ void FusionMethod::record_prior_frames(Program& program, const PriorInput& input
     }
 }
 
-FrameFacts FusionMethod::begin(const FrameInput& input) {
+void FusionMethod::begin(const FrameInput& input) {
     const auto count = static_cast<uint32_t>(input.times.size());
     Program& program =
         program_.prepare(*device_, count, input.events.size(),
                          [&](Program& made, uint32_t capacity) { record(made, count, capacity); });
     const PackedEvents packed = pack_events(input.events, input.exposure, width_, height_);
-    const EdiThresholds thresholds = thresholds_.choose(packed, input.blurry);
     events_.write(program, packed);
     program.write(blurry_, input.blurry);
-    program.write(threshold_input_, std::as_bytes(std::span(&thresholds, 1)));
+    program.write(threshold_input_, std::as_bytes(std::span(&input.thresholds, 1)));
     const auto instants = make_instants(input.times);
     program.write(instants_, std::as_bytes(std::span(instants)));
     program_.submit(output_);
-    return {thresholds, prior_busy_pixels(packed)};
 }
 
 } // namespace ecir

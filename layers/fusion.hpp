@@ -2,11 +2,9 @@
 #include <array>
 #include <map>
 #include <memory>
-#include <optional>
 #include <string>
 
 #include "layers/conv_pair.hpp"
-#include "layers/edi_threshold.hpp"
 #include "layers/fusion_mix.hpp"
 #include "layers/method.hpp"
 #include "weights/safetensors.hpp"
@@ -67,22 +65,28 @@ private:
 /// estimated motion and corrected.
 class FusionMethod : public Method {
 public:
-    /// `thresholds`: given, else estimated (EdiThresholdSource). `correct`: false for the prior
-    /// alone. Throws Error(bad_input) for weights that are not such a network's.
+    /// `correct`: false for the prior alone. Throws Error(bad_input) for weights that are not such
+    /// a network's.
     FusionMethod(std::shared_ptr<Device> device, const SafeTensors& weights, uint32_t height,
-                 uint32_t width, std::optional<EdiThresholds> thresholds, bool correct = true);
+                 uint32_t width, bool correct = true);
 
-    FrameFacts begin(const FrameInput& input) override;
+    void begin(const FrameInput& input) override;
     std::span<const float> finish() override { return program_.finish(); }
     [[nodiscard]] double operations() const override { return program_.operations(); }
+    [[nodiscard]] std::unique_ptr<Method> resized(uint32_t height, uint32_t width) const override;
 
     /// Time of each dispatch of a run with the last input.
     [[nodiscard]] std::vector<DispatchTime> profile() const { return program_.profile(); }
 
 private:
-    FusionMethod(std::shared_ptr<Device> device, const SafeTensors& weights,
-                 const FusionWidths& widths, uint32_t height, uint32_t width,
-                 std::optional<EdiThresholds> thresholds, bool correct);
+    /// On the device.
+    struct Networks {
+        FusionTrunk trunk;
+        FusionHead head;
+    };
+    static std::shared_ptr<const Networks> load(Device& device, const SafeTensors& weights);
+    FusionMethod(std::shared_ptr<Device> device, std::shared_ptr<const Networks> networks,
+                 uint32_t height, uint32_t width, bool correct);
     void record(Program& program, uint32_t frames, uint32_t capacity);
     void record_prior_frames(Program& program, const PriorInput& input,
                              const PriorExposure& exposure) const;
@@ -90,11 +94,9 @@ private:
                                  const PriorExposure& exposure) const;
 
     std::shared_ptr<Device> device_;
-    FusionTrunk trunk_;
-    FusionHead head_;
+    std::shared_ptr<const Networks> networks_;
     uint32_t height_;
     uint32_t width_;
-    EdiThresholdSource thresholds_;
     bool correct_;
 
     MethodProgram program_;

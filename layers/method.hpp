@@ -19,14 +19,7 @@ struct FrameInput {
     EventView events;              ///< of the exposure, sorted by time
     Exposure exposure;
     std::span<const double> times; ///< wanted, normalised, ascending
-};
-
-/// What a method tells of a frame beside the sharp ones.
-struct FrameFacts {
-    /// The contrast thresholds used, where the method has such.
-    std::optional<EdiThresholds> thresholds;
-    /// Pixels with so many events that the method took them as without.
-    size_t ignored_pixels = 0;
+    EdiThresholds thresholds{};    ///< of the sensor; for methods that use them
 };
 
 /// A way from a blurry frame and its events to sharp frames, for one image size on one device. In
@@ -40,7 +33,7 @@ public:
 
     /// Starts on a frame; nothing of the input is needed afterwards. Where it throws nothing was
     /// started.
-    virtual FrameFacts begin(const FrameInput& input) = 0;
+    virtual void begin(const FrameInput& input) = 0;
 
     /// Of the oldest frame begun and not finished: times x height x width, in the order of the
     /// times; valid until the next call. Not clipped.
@@ -48,6 +41,10 @@ public:
 
     /// Floating-point operations of the program that makes the frames; 0 before the first.
     [[nodiscard]] virtual double operations() const = 0;
+
+    /// The same method for images of another size, with the same weights on the device.
+    [[nodiscard]] virtual std::unique_ptr<Method> resized(uint32_t height,
+                                                          uint32_t width) const = 0;
 
     /// Both halves, with nothing begun before.
     std::span<const float> frames(const FrameInput& input) {

@@ -1,7 +1,9 @@
 #include "layers/prior.hpp"
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
+#include <vector>
 
 #include "layers/pixel_dispatch.hpp"
 #include "layers/shapes.hpp"
@@ -57,12 +59,13 @@ bool fits(const PriorInput& input) {
 
 } // namespace
 
-size_t prior_busy_pixels(const PackedEvents& events) {
-    size_t busy = 0;
-    for (size_t pixel = 0; pixel + 1 < events.offset.size(); ++pixel) {
-        busy += events.offset[pixel + 1] - events.offset[pixel] > prior_busy_events ? 1 : 0;
+size_t prior_busy_pixels(const EventView& events, uint32_t width, uint32_t height) {
+    std::vector<uint32_t> counts(size_t{width} * height);
+    for (size_t i = 0; i < events.size(); ++i) {
+        ++counts[size_t{events.y[i]} * width + events.x[i]];
     }
-    return busy;
+    return static_cast<size_t>(
+        std::ranges::count_if(counts, [](uint32_t count) { return count > prior_busy_events; }));
 }
 
 void record_prior(Program& program, const PriorInput& input, const PriorExposure& exposure) {

@@ -16,8 +16,8 @@ namespace ecir {
 /// of a second and more, fine texture can.
 inline constexpr uint32_t prior_busy_events = 768;
 
-/// How many such pixels there are.
-size_t prior_busy_pixels(const PackedEvents& events);
+/// How many such pixels there are. `events` must lie inside the image.
+size_t prior_busy_pixels(const EventView& events, uint32_t width, uint32_t height);
 
 /// Windows of the local motion (layers/motion.hpp), between even times from -1 to 1.
 inline constexpr uint32_t prior_windows = 32;

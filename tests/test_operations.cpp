@@ -69,8 +69,7 @@ TEST_SUITE("operations") {
             }
         }
         Convolutions run;
-        add_network(run, FusionMethod(device, SafeTensors(find_model("fusion")), kHeight, kWidth,
-                                      EdiThresholds{0.2F, 0.2F}));
+        add_network(run, FusionMethod(device, SafeTensors(find_model("fusion")), kHeight, kWidth));
         add_network(run, EcirMethod(device, SafeTensors(find_model("ecir")), kHeight, kWidth, {}));
         for (const auto& [label, flops] : run) {
             INFO(label, " of ", flops, " operations, but layers/reference has no such case");

@@ -96,14 +96,18 @@ BenchScene::BenchScene(const PixelSize& size) {
     }
     while (events.size() < kEvents) {
         const double share = static_cast<double>(events.size()) / kEvents;
-        const uint32_t x = random.integer(0, last_column);
+        const uint32_t x = random.integer(0, last_column - 1);
         const uint32_t y = random.integer(0, last_row);
         const double change = texture.change(x, y, 2 * share - 1);
         if (random.uniform(0, fastest) < std::abs(change)) {
-            events.push_back(exposure.start + static_cast<int64_t>(
-                                                  share * static_cast<double>(exposure.duration())),
-                             static_cast<uint16_t>(x), static_cast<uint16_t>(y),
-                             change > 0 ? 1 : 0);
+            const int64_t time =
+                exposure.start +
+                static_cast<int64_t>(share * static_cast<double>(exposure.duration()));
+            // Two side by side: single ones would pass for noise, and nothing be computed.
+            for (const uint32_t column : {x, x + 1}) {
+                events.push_back(time, static_cast<uint16_t>(column), static_cast<uint16_t>(y),
+                                 change > 0 ? 1 : 0);
+            }
         }
     }
 }

@@ -23,6 +23,7 @@ struct Options {
     std::vector<double> times;
     std::string size;
     std::string lag;
+    std::string regions = "on";
 };
 
 [[noreturn]] void refuse(const std::string& what) {
@@ -87,6 +88,7 @@ DeblurJob to_job(const Options& options) {
     } else if (!options.lag.empty()) {
         job.lag = parse_time("--lag", options.lag);
     }
+    job.deblur.regions = options.regions == "on";
     if (!options.size.empty()) {
         job.size = parse_size(options.size);
     }
@@ -176,6 +178,12 @@ void add_method(CLI::App& command, Options& o) {
         ->expected(1, 2)
         ->check(within(0.001, 10))
         ->option_text("C+ [C-]")
+        ->group(group);
+    command
+        .add_option("--regions", o.regions,
+                    "Compute only what moves; off: all of the image, to the same frames")
+        ->check(CLI::IsMember({"on", "off"}))
+        ->option_text("on|off [" + o.regions + "]")
         ->group(group);
     add_device_option(command, o.job.device)->group(group);
 }
