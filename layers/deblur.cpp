@@ -59,14 +59,12 @@ void check_thresholds(const EdiThresholds& thresholds) {
 
 } // namespace
 
-Deblur::Model Deblur::make_model(const std::shared_ptr<Device>& device,
-                                 const DeblurOptions& options, uint32_t width, uint32_t height) {
-    if (options.thresholds) {
-        check_thresholds(*options.thresholds);
-    }
+Deblur::Model Deblur::make_model(const std::string& name) const {
+    DeblurOptions options = options_;
+    options.model = name;
     if (options.model == "edi") {
         refuse_ecir_options("edi", options);
-        return {.method = std::make_unique<EdiMethod>(device, height, width),
+        return {.method = std::make_unique<EdiMethod>(device_, height_, width_),
                 .rule = {},
                 .pixel_by_pixel = true,
                 .has_thresholds = true};
@@ -89,7 +87,8 @@ Deblur::Model Deblur::make_model(const std::shared_ptr<Device>& device,
                             "--refine out");
         }
         const bool correct = options.refine.value_or(1) > 0;
-        return {.method = std::make_unique<FusionMethod>(device, weights, height, width, correct),
+        return {.method =
+                    std::make_unique<FusionMethod>(device_, weights, height_, width_, correct),
                 .rule = correct ? RegionRule{kFusionContext, kFade} : RegionRule{},
                 .pixel_by_pixel = !correct,
                 .has_thresholds = true,
@@ -107,7 +106,7 @@ Deblur::Model Deblur::make_model(const std::shared_ptr<Device>& device,
     }
     if (kind == "esl_net") {
         refuse_ecir_options("model " + options.model + ", an eSL-Net,", options);
-        return {.method = std::make_unique<EslNetMethod>(device, weights, height, width),
+        return {.method = std::make_unique<EslNetMethod>(device_, weights, height_, width_),
                 .rule = {kEslNetContext, kFade}};
     }
     const EcirConfig config(weights);
@@ -117,38 +116,75 @@ Deblur::Model Deblur::make_model(const std::shared_ptr<Device>& device,
                                          std::to_string(*options.keypoints) +
                                          "; leave --keypoints out or use another model (-m)");
     }
-    return {.method = std::make_unique<EcirMethod>(device, weights, height, width, options.refine),
+    return {.method =
+                std::make_unique<EcirMethod>(device_, weights, height_, width_, options.refine),
             .rule = {kEcirContext, kFade},
             .local = !config.release};
 }
 
 Deblur::Deblur(std::shared_ptr<Device> device, const DeblurOptions& options, uint32_t width,
                uint32_t height)
-    : Deblur(device, options, make_model(device, options, width, height), width, height) {}
-
-Deblur::Deblur(const std::shared_ptr<Device>& device, const DeblurOptions& options, Model model,
-               uint32_t width, uint32_t height)
-    : model_(std::move(model)),
-      method_(std::make_unique<WindowedMethod>(std::move(model_.method), width, height)),
-      regions_(options.regions), width_(width), height_(height) {
-    if (model_.has_thresholds) {
-        source_ = std::make_unique<EdiThresholdSource>(*device, width, height, options.thresholds);
+    : device_(std::move(device)), options_(options), width_(width), height_(height) {
+    if (options.thresholds) {
+        check_thresholds(*options.thresholds);
+    }
+    if (options.model == "auto") {
+        family_ = ModelFamily::shipped();
+        std::string known;
+        for (const auto& each : family_->members()) {
+            members_.push_back({each.model, {}, nullptr});
+            known += (known.empty() ? "" : ", ") + each.model;
+            if (each.model == options.largest) {
+                break;
+            }
+        }
+        if (!options.largest.empty() && members_.back().name != options.largest) {
+            throw Error(ExitCode::usage,
+                        "'" + options.largest +
+                            "' is not a model that auto chooses from; these are: " + known);
+        }
+    } else {
+        members_.push_back({options.model, {}, nullptr});
+    }
+    const Member& last = member(members_.size() - 1); // says at once what is wrong with it
+    if (last.model.has_thresholds) {
+        source_ = std::make_unique<EdiThresholdSource>(*device_, width, height, options.thresholds);
     }
 }
 Deblur::~Deblur() = default;
 Deblur::Deblur(Deblur&&) noexcept = default;
 
-Regions Deblur::find_work(const EventView& events, const Exposure& exposure, double& active_share) {
+Deblur::Member& Deblur::member(size_t index) {
+    Member& found = members_.at(index);
+    if (!found.method) {
+        Model model = make_model(found.name);
+        found.method = std::make_unique<WindowedMethod>(std::move(model.method), width_, height_);
+        found.model = std::move(model);
+    }
+    return found;
+}
+
+size_t Deblur::choose_member(const EventView& events, double active_share) const {
+    if (!family_) {
+        return 0;
+    }
+    const double moving = active_share * width_ * height_;
+    return family_->choose(static_cast<double>(events.size()) / std::max(moving, 1.0),
+                           options_.quality, members_.size());
+}
+
+Regions Deblur::find_work(const Model& model, const EventView& events, const Exposure& exposure,
+                          double& active_share) const {
     const PixelRect all{0, 0, width_, height_};
-    if (!model_.local) {
+    if (!model.local) {
         active_share = 1;
         return {{{all, all}}, {}};
     }
-    const ActivityMap map = model_.pixel_by_pixel ? touched_cells(events, width_, height_)
-                                                  : moving_cells(events, exposure, width_, height_);
+    const ActivityMap map = model.pixel_by_pixel ? touched_cells(events, width_, height_)
+                                                 : moving_cells(events, exposure, width_, height_);
     active_share = map.share();
-    Regions regions = find_regions(map, model_.rule, width_, height_);
-    if (!regions_ && !regions.windows.empty()) {
+    Regions regions = find_regions(map, model.rule, width_, height_);
+    if (!options_.regions && !regions.windows.empty()) {
         regions.windows = {{all, all}};
     }
     return regions;
@@ -185,8 +221,11 @@ void Deblur::begin(std::span<const float> blurry, const EventView& events, const
     Regions regions;
     if (seen.size() > 0) {
         check_events(seen, exposure, width_, height_);
-        regions = find_work(seen, exposure, begun.active_share);
-        if (model_.ignores_busy_pixels) {
+        // All members see what moves alike.
+        const Model& model = member(members_.size() - 1).model;
+        regions = find_work(model, seen, exposure, begun.active_share);
+        begun.member = choose_member(seen, begun.active_share);
+        if (model.ignores_busy_pixels) {
             begun.ignored_pixels = prior_busy_pixels(seen, width_, height_);
         }
     }
@@ -215,7 +254,9 @@ void Deblur::begin(std::span<const float> blurry, const EventView& events, const
     for (const Window& part : regions.windows) {
         begun.windows.push_back(part.computed);
     }
-    method_->begin(input, regions);
+    WindowedMethod& method = *member(begun.member).method;
+    method.begin(input, regions);
+    operations_ = method.operations();
     begun_.push_back(std::move(begun));
 }
 
@@ -226,11 +267,13 @@ std::vector<float> Deblur::finish() {
     ignored_pixels_ = begun.ignored_pixels;
     active_share_ = begun.active_share;
     computed_ = std::move(begun.windows);
-    return begun.order.empty() ? std::move(begun.still) : method_->finish(begun.order);
-}
-
-double Deblur::operations() const {
-    return method_->operations();
+    if (begun.order.empty()) {
+        used_.clear();
+        return std::move(begun.still);
+    }
+    const Member& made = members_[begun.member];
+    used_ = made.name;
+    return made.method->finish(begun.order);
 }
 
 std::vector<double> even_times(uint32_t count) {

@@ -8,6 +8,7 @@
 
 #include "layers/edi.hpp"
 #include "layers/events.hpp"
+#include "layers/model_family.hpp"
 #include "layers/regions.hpp"
 #include "runtime/device.hpp"
 
@@ -18,8 +19,13 @@ class Method;
 class WindowedMethod;
 
 struct DeblurOptions {
-    /// A shipped model's name, the path of a .safetensors file, or `edi`.
-    std::string model = "fusion";
+    /// A shipped model's name, the path of a .safetensors file, `edi`, or `auto`: for each frame
+    /// the smallest fusion network that does for its scene (ModelFamily).
+    std::string model = "auto";
+    /// With `auto`: what may be given up for speed.
+    Quality quality = Quality::best;
+    /// With `auto`: the largest model to choose; empty: any.
+    std::string largest;
     /// Iterations of the refinement; 0 for the initialisation alone (the curve of E-CIR, the prior
     /// of a fusion network, which takes 0 and 1 only). Unset: as trained.
     std::optional<uint32_t> refine;
@@ -47,7 +53,7 @@ struct DeblurOptions {
 class Deblur {
 public:
     /// Throws Error: bad_input for a model that cannot be found or read, usage for options that the
-    /// model does not take.
+    /// model does not take, and for a `largest` that `auto` does not choose from.
     Deblur(std::shared_ptr<Device> device, const DeblurOptions& options, uint32_t width,
            uint32_t height);
     ~Deblur();
@@ -87,9 +93,13 @@ public:
     /// What was computed of it; none where nothing moved.
     [[nodiscard]] const std::vector<PixelRect>& windows() const { return computed_; }
 
-    /// Floating-point operations of the kernels for one frame, of as many times as the last; 0
-    /// before the first one with events.
-    [[nodiscard]] double operations() const;
+    /// What made the frame finished last: the model, with `auto` the one chosen; empty where
+    /// nothing moved.
+    [[nodiscard]] const std::string& model() const { return used_; }
+
+    /// Floating-point operations of the kernels for the frame begun last; 0 before the first one
+    /// with events.
+    [[nodiscard]] double operations() const { return operations_; }
 
 private:
     /// A frame begun and not finished.
@@ -99,6 +109,7 @@ private:
         size_t ignored_pixels = 0;
         double active_share = 0;
         std::vector<PixelRect> windows;
+        size_t member = 0;
         std::vector<float> still; ///< the result, where nothing moved
     };
     /// What is particular to a model.
@@ -110,17 +121,24 @@ private:
         bool has_thresholds = false;
         bool ignores_busy_pixels = false; ///< as prior_busy_events says
     };
-    static Model make_model(const std::shared_ptr<Device>& device, const DeblurOptions& options,
-                            uint32_t width, uint32_t height);
-    Deblur(const std::shared_ptr<Device>& device, const DeblurOptions& options, Model model,
-           uint32_t width, uint32_t height);
+    /// A model to choose from.
+    struct Member {
+        std::string name;
+        Model model;                            ///< without the method
+        std::unique_ptr<WindowedMethod> method; ///< made when first needed
+    };
+    [[nodiscard]] Model make_model(const std::string& name) const;
+    Member& member(size_t index);
+    [[nodiscard]] size_t choose_member(const EventView& events, double active_share) const;
     /// Regions to compute, and the share of the image that moved.
-    Regions find_work(const EventView& events, const Exposure& exposure, double& active_share);
+    Regions find_work(const Model& model, const EventView& events, const Exposure& exposure,
+                      double& active_share) const;
 
-    Model model_; ///< without the method
-    std::unique_ptr<WindowedMethod> method_;
-    std::unique_ptr<EdiThresholdSource> source_; ///< of a model that has thresholds
-    bool regions_;
+    std::shared_ptr<Device> device_;
+    DeblurOptions options_;
+    std::optional<ModelFamily> family_;          ///< with `auto`
+    std::vector<Member> members_;                ///< smallest first
+    std::unique_ptr<EdiThresholdSource> source_; ///< of models that have thresholds
     uint32_t width_;
     uint32_t height_;
     std::vector<Begun> begun_; ///< the oldest first
@@ -128,6 +146,8 @@ private:
     size_t ignored_pixels_ = 0;
     double active_share_ = 0;
     std::vector<PixelRect> computed_;
+    std::string used_;
+    double operations_ = 0;
 };
 
 /// count times evenly from -1 to 1, both included; {0} for one.

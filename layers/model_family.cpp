@@ -63,16 +63,16 @@ ModelFamily::ModelFamily(const std::filesystem::path& file) {
 }
 
 ModelFamily ModelFamily::shipped() {
-    return ModelFamily(find_model(DeblurOptions{}.model).parent_path() / "family.json");
+    return ModelFamily(find_model("fusion").parent_path() / "family.json");
 }
 
-double ModelFamily::loss(size_t member, const SceneFacts& facts) const {
+double ModelFamily::loss(size_t member, double events_per_pixel) const {
     const auto& points = members_.at(member).loss;
-    if (points.empty() || facts.events == 0) {
+    if (points.empty()) {
         return 0;
     }
     const auto above =
-        std::ranges::lower_bound(points, facts.events_per_pixel, {}, &Loss::events_per_pixel);
+        std::ranges::lower_bound(points, events_per_pixel, {}, &Loss::events_per_pixel);
     if (above == points.begin()) {
         return above->db;
     }
@@ -80,15 +80,15 @@ double ModelFamily::loss(size_t member, const SceneFacts& facts) const {
     if (above == points.end()) {
         return low.db;
     }
-    const double share = std::log(facts.events_per_pixel / low.events_per_pixel) /
+    const double share = std::log(events_per_pixel / low.events_per_pixel) /
                          std::log(above->events_per_pixel / low.events_per_pixel);
     return std::lerp(low.db, above->db, share);
 }
 
-size_t ModelFamily::choose(const SceneFacts& facts, Quality quality, size_t count) const {
+size_t ModelFamily::choose(double events_per_pixel, Quality quality, size_t count) const {
     const size_t last = std::clamp<size_t>(count, 1, members_.size()) - 1;
     for (size_t i = 0; i < last; ++i) {
-        if (loss(i, facts) - loss(last, facts) <= allowed_loss(quality)) {
+        if (loss(i, events_per_pixel) - loss(last, events_per_pixel) <= allowed_loss(quality)) {
             return i;
         }
     }

@@ -4,20 +4,18 @@
 #include <string>
 #include <vector>
 
-#include "layers/scene_facts.hpp"
-
 namespace ecir {
 
 /// How much accuracy may be given up for speed.
 enum class Quality {
     fast,     ///< the smallest model, whatever the scene
-    balanced, ///< the smallest that loses at most 0.5 dB
-    best,     ///< the smallest that loses at most 0.1 dB
+    balanced, ///< the smallest that loses at most 0.5 dB in scenes like it
+    best,     ///< the smallest that loses at most 0.1 dB in scenes like it
 };
 
 /// Models of one kind in several sizes, smallest first, and how much accuracy each loses against
-/// the largest by how much a scene has of what they differ in. Read from weights/family.json, which
-/// tools/benchmark/family measures and writes.
+/// the largest, by the events a pixel that a scene has: what there is to tell apart. Read from
+/// weights/family.json, which tools/benchmark/family measures and writes.
 class ModelFamily {
 public:
     struct Loss {
@@ -37,13 +35,13 @@ public:
 
     [[nodiscard]] const std::vector<Member>& members() const { return members_; }
 
-    /// Of a member for a scene, between the points measured by the logarithm of their events a
-    /// pixel, beyond them as at the nearest.
-    [[nodiscard]] double loss(size_t member, const SceneFacts& facts) const;
+    /// Of a member for a scene with so many events a pixel of what moves, between the points
+    /// measured by the logarithm, beyond them as at the nearest.
+    [[nodiscard]] double loss(size_t member, double events_per_pixel) const;
 
-    /// The smallest of the first `count` members whose loss the quality allows, else the last of
-    /// them.
-    [[nodiscard]] size_t choose(const SceneFacts& facts, Quality quality, size_t count) const;
+    /// The smallest of the first `count` members whose loss against the last of them the quality
+    /// allows.
+    [[nodiscard]] size_t choose(double events_per_pixel, Quality quality, size_t count) const;
 
 private:
     std::vector<Member> members_;

@@ -8,6 +8,7 @@
 #include <memory>
 #include <utility>
 
+#include "runtime/cache_file.hpp"
 #include "runtime/device.hpp"
 #include "runtime/error.hpp"
 
@@ -26,25 +27,6 @@ void spvc_check(spvc_result result, std::string_view name, const char* call) {
 
 /// On lavapipe they take a second and more to compile.
 constexpr size_t kManyKernels = 8;
-
-std::string cache_file(const DeviceInfo& info) {
-    namespace fs = std::filesystem;
-    fs::path folder;
-    if (const char* own = std::getenv("ECIR_CACHE_DIR")) {
-        folder = own;
-    } else if (const char* xdg = std::getenv("XDG_CACHE_HOME")) {
-        folder = fs::path(xdg) / "ecir";
-    } else if (const char* home = std::getenv("HOME")) {
-        folder = fs::path(home) / ".cache" / "ecir";
-    }
-    if (folder.empty()) {
-        return {};
-    }
-    std::string name = info.name + "-" + info.driver + ".pipelines";
-    std::ranges::replace_if(
-        name, [](unsigned char c) { return std::isalnum(c) == 0 && c != '.' && c != '-'; }, '_');
-    return (folder / name).string();
-}
 
 } // namespace
 
@@ -174,7 +156,7 @@ Kernel::Kernel(Device& device, std::string_view name, std::span<const uint32_t> 
 }
 
 KernelCache::KernelCache(Device& device)
-    : device_(device), file_(cache_file(device.info())),
+    : device_(device), file_(cache_file(device.info(), ".pipelines")),
       known_(file_.empty() ? std::string() : file_ + ".list") {
     std::vector<char> data;
     if (std::ifstream in{file_, std::ios::binary}) {

@@ -1,10 +1,10 @@
 #include "runtime/known_kernels.hpp"
 
-#include <filesystem>
 #include <fstream>
 #include <sstream>
 #include <utility>
 
+#include "runtime/cache_file.hpp"
 #include "runtime/kernel.hpp"
 
 namespace ecir {
@@ -53,19 +53,6 @@ void KnownKernels::save() const {
         text << std::hex << hash << '\n';
     }
     write_cache(file_, text.str());
-}
-
-void write_cache(const std::string& file, std::span<const char> data) {
-    std::error_code ignored;
-    std::filesystem::create_directories(std::filesystem::path(file).parent_path(), ignored);
-    const std::string partial = file + ".partial";
-    if (std::ofstream out{partial, std::ios::binary}) {
-        out.write(data.data(), static_cast<std::streamsize>(data.size()));
-        out.close();
-        if (out) {
-            std::filesystem::rename(partial, file, ignored);
-        }
-    }
 }
 
 } // namespace ecir

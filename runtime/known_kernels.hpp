@@ -29,7 +29,4 @@ private:
     size_t fresh_ = 0;
 };
 
-/// Replaces a file of the cache folder as a whole, and makes the folder; failing is no error.
-void write_cache(const std::string& file, std::span<const char> data);
-
 } // namespace ecir

@@ -24,6 +24,7 @@ struct Options {
     std::string size;
     std::string lag;
     std::string regions = "on";
+    std::string quality;
 };
 
 [[noreturn]] void refuse(const std::string& what) {
@@ -89,6 +90,15 @@ DeblurJob to_job(const Options& options) {
         job.lag = parse_time("--lag", options.lag);
     }
     job.deblur.regions = options.regions == "on";
+    if (job.deblur.model != "auto" && (job.budget_ms || !options.quality.empty())) {
+        refuse("--quality and --budget choose between models; leave them out, or -m " +
+               job.deblur.model);
+    }
+    if (options.quality == "fast") {
+        job.deblur.quality = Quality::fast;
+    } else if (options.quality == "balanced") {
+        job.deblur.quality = Quality::balanced;
+    }
     if (!options.size.empty()) {
         job.size = parse_size(options.size);
     }
@@ -159,8 +169,22 @@ void add_method(CLI::App& command, Options& o) {
     const std::string group = "Method";
     command
         .add_option("-m,--model", o.job.deblur.model,
-                    "A shipped model, a .safetensors file, or edi")
+                    "A shipped model, a .safetensors file, edi, or auto: the smallest fusion "
+                    "network that the scene needs")
         ->option_text("MODEL [" + o.job.deblur.model + "]")
+        ->group(group);
+    command
+        .add_option("--quality", o.quality,
+                    "Of auto: best loses up to 0.1 dB against the largest network, balanced 0.5")
+        ->check(CLI::IsMember({"fast", "balanced", "best"}))
+        ->option_text("fast|balanced|best [best]")
+        ->group(group);
+    command
+        .add_option("--budget", o.job.budget_ms,
+                    "Of auto: no model that takes longer for a blurry frame on this device, "
+                    "milliseconds")
+        ->check(within(1e-3, 1e9))
+        ->option_text("MS")
         ->group(group);
     command
         .add_option("--refine", o.job.deblur.refine,

@@ -15,6 +15,7 @@
 #include "tools/ecir/deblur_report.hpp"
 #include "tools/ecir/frame_output.hpp"
 #include "tools/ecir/handover.hpp"
+#include "tools/ecir/model_times.hpp"
 #include "tools/ecir/stopwatch.hpp"
 #include "tools/io/file.hpp"
 
@@ -180,8 +181,9 @@ private:
 
     void begin(LoadedExposure loaded) {
         if (!deblur_) {
-            deblur_.emplace(device_, job_.deblur, static_cast<uint32_t>(loaded.image.width),
-                            static_cast<uint32_t>(loaded.image.height));
+            const PixelSize size{loaded.image.width, loaded.image.height};
+            deblur_.emplace(device_, options_for(size, loaded), static_cast<uint32_t>(size.width),
+                            static_cast<uint32_t>(size.height));
         }
         Deblurred next;
         next.times = wanted_times(job_, loaded.item->exposure);
@@ -193,6 +195,28 @@ private:
         loaded.events = {};
         next.exposure = std::move(loaded);
         begun_.push_back(std::move(next));
+    }
+
+    /// The job's options, within its budget.
+    [[nodiscard]] DeblurOptions options_for(const PixelSize& size,
+                                            const LoadedExposure& first) const {
+        DeblurOptions options = job_.deblur;
+        if (job_.budget_ms) {
+            const auto frames =
+                static_cast<uint32_t>(wanted_times(job_, first.item->exposure).size());
+            const BudgetChoice choice = choose_within(*job_.budget_ms, device_, size, frames);
+            options.largest = choice.model;
+            char text[160];
+            std::snprintf(text, sizeof text, "%s takes %.0f ms a blurry frame of which all moves",
+                          choice.model.c_str(), choice.ms);
+            if (choice.ms > *job_.budget_ms) {
+                console_.warn(text + std::string(", over the budget, and is the smallest model; "
+                                                 "fewer --frames or a smaller --size take less"));
+            } else {
+                console_.note(text);
+            }
+        }
+        return options;
     }
 
     /// Hands the oldest exposure begun to the writer; false when that has failed.
@@ -207,6 +231,9 @@ private:
             begun_.clear(); // errors of those after it do not count
             throw;
         }
+        oldest.report.model = deblur_->model();
+        oldest.report.active_share = deblur_->active_share();
+        oldest.report.windows = deblur_->windows();
         oldest.report.thresholds = deblur_->thresholds();
         oldest.report.ignored_pixels = deblur_->ignored_pixels();
         tell(oldest.report);
@@ -220,7 +247,6 @@ private:
         report.facts = loaded.facts;
         report.warnings = scene_warnings(loaded.facts);
         report.thresholds_given = job_.deblur.thresholds.has_value();
-        report.model = job_.deblur.model;
         report.frames = frames;
         return report;
     }

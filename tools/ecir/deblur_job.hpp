@@ -17,7 +17,8 @@ struct DeblurJob {
     std::filesystem::path output;
     std::filesystem::path report; ///< JSON; empty: none
     DeblurOptions deblur;
-    std::vector<double> times; ///< normalised; empty: by `fps`
+    std::optional<double> budget_ms; ///< for a blurry frame
+    std::vector<double> times;       ///< normalised; empty: by `fps`
     double fps = 0;
     std::optional<PixelSize> size;
     std::optional<int64_t> lag = 0; ///< of the events behind the frames, us; none: estimate

@@ -40,7 +40,15 @@ Json describe(const ExposureReport& exposure) {
     for (const SceneWarning& warning : exposure.warnings) {
         entry["warnings"].push_back({{"name", warning.name}, {"text", warning.text}});
     }
-    entry["model"] = exposure.model;
+    entry["model"] = exposure.model.empty() ? Json() : Json(exposure.model);
+    entry["moving_share"] = rounded(exposure.active_share);
+    entry["windows"] = Json::array();
+    for (const PixelRect& window : exposure.windows) {
+        entry["windows"].push_back({{"left", window.left},
+                                    {"top", window.top},
+                                    {"width", window.width()},
+                                    {"height", window.height()}});
+    }
     entry["frames"] = exposure.frames;
     if (exposure.thresholds) {
         entry["thresholds"] = {{"positive", rounded(double{exposure.thresholds->positive})},

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "layers/edi.hpp"
+#include "layers/regions.hpp"
 #include "layers/scene_facts.hpp"
 #include "tools/io/file.hpp"
 #include "tools/io/output.hpp"
@@ -29,7 +30,9 @@ struct ExposureReport {
     std::optional<EdiThresholds> thresholds; ///< used
     bool thresholds_given = false;
     size_t ignored_pixels = 0;
-    std::string model;
+    std::string model; ///< empty: nothing moved, the frames are the blurry one
+    double active_share = 0;
+    std::vector<PixelRect> windows; ///< computed; none: nothing moved
     size_t frames = 0;
     StageTimes ms;
 };
