@@ -122,7 +122,7 @@ Deblur::Model Deblur::make_model(const std::shared_ptr<Device>& device,
             .local = !config.release};
 }
 
-Deblur::Deblur(std::shared_ptr<Device> device, const DeblurOptions& options, uint32_t width,
+Deblur::Deblur(const std::shared_ptr<Device>& device, const DeblurOptions& options, uint32_t width,
                uint32_t height)
     : Deblur(device, options, make_model(device, options, width, height), width, height) {}
 

@@ -48,7 +48,7 @@ class Deblur {
 public:
     /// Throws Error: bad_input for a model that cannot be found or read, usage for options that the
     /// model does not take.
-    Deblur(std::shared_ptr<Device> device, const DeblurOptions& options, uint32_t width,
+    Deblur(const std::shared_ptr<Device>& device, const DeblurOptions& options, uint32_t width,
            uint32_t height);
     ~Deblur();
     Deblur(Deblur&&) noexcept;

@@ -103,7 +103,9 @@ def deblur(args, scene, output, regions):
 
 
 def psnr(args, truth, prediction):
-    return json.loads(run(args.ecir, "eval", "--truth", truth, "--prediction", prediction, "--json")[0])["psnr"]
+    """dB, as text; eval gives none where every frame is the truth."""
+    found = json.loads(run(args.ecir, "eval", "--truth", truth, "--prediction", prediction, "--json")[0])["psnr"]
+    return "exact" if found is None else f"{found:.3f}"
 
 
 def measure(args, photos, share):
@@ -139,7 +141,7 @@ def main():
           "| --- | --- | --- | --- | --- |")
     for share in args.shares:
         seconds, on, off, difference = measure(args, photos, share)
-        print(f"| {share} | {seconds:.2f} | {on:.3f} | {off:.3f} | {difference:.3f} |", flush=True)
+        print(f"| {share} | {seconds:.2f} | {on} | {off} | {difference:.3f} |", flush=True)
 
 
 if __name__ == "__main__":
