@@ -20,7 +20,7 @@ constexpr double kIntensityOffset = 0.01; ///< e: keeps ratios and logarithms of
 /// Pixels around what moves that a network sees (RegionRule::context): with them what is kept
 /// differs from the whole image's by less than a tenth of a grey level.
 constexpr uint32_t kFusionContext = 56;
-constexpr uint32_t kEcirContext = 72;
+constexpr uint32_t kEcirContext = 88;
 constexpr uint32_t kEslNetContext = 56;
 constexpr uint32_t kFade = 8; ///< pixels (RegionRule::fade)
 
