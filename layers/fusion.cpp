@@ -7,6 +7,7 @@
 #include "layers/fusion_fetch.hpp"
 #include "layers/motion.hpp"
 #include "layers/pixel_dispatch.hpp"
+#include "layers/shapes.hpp"
 #include "layers/trajectory.hpp"
 #include "runtime/error.hpp"
 
@@ -14,6 +15,7 @@ namespace ecir {
 namespace {
 
 constexpr uint32_t kMostChannels = 1024;
+constexpr uint32_t kPlaneHalo = 2; ///< of the head's input: its first convolution is 5x5
 
 /// The numbers in a metadata entry, as many as `widths` has, divided by spaces.
 void read_widths(const SafeTensors& weights, const std::string& key, std::span<uint32_t> widths) {
@@ -40,6 +42,7 @@ struct Loader {
     Device& device;
     const SafeTensors& weights;
     ConvTable& table;
+    ConvFamily family;
 
     [[nodiscard]] const std::vector<float>& get(const std::string& name,
                                                 const std::vector<uint32_t>& shape) const {
@@ -62,7 +65,7 @@ struct Loader {
         if (has_bias) {
             bias = get(name + ".bias", {out});
         }
-        table.emplace(name, Conv(device, desc, maps, weight, bias));
+        table.emplace(name, Conv(device, desc, maps, weight, bias, family));
     }
     void plain(const std::string& name, uint32_t in, uint32_t out) {
         add(name, {in}, {.out_channels = out});
@@ -133,7 +136,7 @@ FusionWidths::FusionWidths(const SafeTensors& weights) {
 FusionTrunk::FusionTrunk(Device& device, const SafeTensors& weights, const FusionWidths& widths)
     : widths_(widths) {
     const auto [a, b, c, d] = widths.trunk;
-    Loader load{device, weights, convs_};
+    Loader load{device, weights, convs_, conv_family(device.info())};
     load.down("trunk.down1", {anchor_count, anchor_count}, a); // anchors; blurry frame and counts
     load.down("trunk.down2", {a}, b);
     load.residual("trunk.res2", b);
@@ -192,13 +195,13 @@ Tensor FusionTrunk::record(Program& program, const PriorExposure& exposure,
 }
 
 FusionHead::FusionHead(Device& device, const SafeTensors& weights, const FusionWidths& widths)
-    : widths_(widths),
+    : widths_(widths), family_(row_family(device.info(), widths.head)),
       end_(device, plane_count, widths.head[0],
            weights.get("fusion.head.skip.weight", {widths.head[0], plane_count, 3, 3}),
            weights.get("fusion.head.out.weight", {1, widths.head[0], 3, 3}),
            weights.get("fusion.head.out.bias", {1}).front()) {
     const auto [a, b, c] = widths.head;
-    Loader load{device, weights, convs_};
+    Loader load{device, weights, convs_, family_};
     load.down("head.down1", {plane_count}, b, 5);
     load.down("head.down2", {b}, c);
     load.residual("head.res2", c);
@@ -210,17 +213,24 @@ FusionHead::FusionHead(Device& device, const SafeTensors& weights, const FusionW
 
 FusionHead::Tensors FusionHead::prepare(Program& program, uint32_t height, uint32_t width) const {
     const auto [a, b, c] = widths_.head;
-    const Layout half = level(program, b, height, width, 2);
-    const Layout quarter = level(program, c, height, width, 4);
+    const auto at = [&](uint32_t channels, uint32_t divisor, uint32_t halo) {
+        return conv_layout(program.device().info(), family_, channels, ceil_div(height, divisor),
+                           ceil_div(width, divisor), halo);
+    };
+    const auto zeroed = [&](const Layout& layout) { return cleared(program, layout, layout.halo); };
     Tensors t;
-    t.planes = cleared(program, {plane_count, height, width}, 2);
-    t.mixed = program.temporary(quarter);
-    t.x0 = program.temporary(level(program, a, height, width, 1));
+    Layout planes{plane_count, height, width, 1, kPlaneHalo};
+    if (family_ == ConvFamily::row) {
+        planes = at(plane_count, 1, kPlaneHalo);
+    }
+    t.planes = zeroed(planes);
+    t.mixed = program.temporary(level(program, c, height, width, 4));
+    t.x0 = program.temporary(at(a, 1, 0));
     t.taps = ConvPair::scratch(program, height, width);
-    t.x1 = cleared(program, half);
-    t.inner1 = cleared(program, half);
-    t.x2 = cleared(program, quarter);
-    t.inner2 = cleared(program, quarter);
+    t.x1 = zeroed(at(b, 2, 1));
+    t.inner1 = zeroed(at(b, 2, 1));
+    t.x2 = zeroed(at(c, 4, 1));
+    t.inner2 = zeroed(at(c, 4, 1));
     return t;
 }
 

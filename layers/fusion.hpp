@@ -59,6 +59,7 @@ public:
 
 private:
     FusionWidths widths_;
+    ConvFamily family_;
     ConvTable convs_;
     ConvPair end_;
 };
