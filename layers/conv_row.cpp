@@ -21,6 +21,7 @@ struct RowPush {
     uint64_t init_address = 0;
     uint32_t in_row = 0;
     uint32_t in_last = 0;
+    uint32_t init_pixel = 0;
     uint32_t init_row = 0;
     uint32_t init_plane = 0;
     uint32_t out_origin = 0;
@@ -29,12 +30,35 @@ struct RowPush {
     uint32_t width = 0;
     uint32_t height = 0;
     float floor = 0;
+    uint32_t filler = 0;
     std::array<uint32_t, 8> digit{0, 1, 2, 3, 4, 5, 6, 7};
 };
-static_assert(sizeof(RowPush) == 96);
+static_assert(sizeof(RowPush) == 104);
 
-/// Multiply-adds of a workgroup: code that the instruction caches can feed (40 KB).
-constexpr uint32_t kMostProducts = 3072;
+/// What a workgroup takes: input channels, and output channels together.
+struct Share {
+    uint32_t most_inputs;
+    uint32_t together;
+};
+
+/// each: multiply-adds of an input with an output channel. The bounds are on a workgroup's code, which
+/// the instruction caches should be able to feed, and with stride 2, whose loads are long, on what
+/// the driver compiles in a second.
+Share share(const ConvDesc& desc, uint32_t each, uint32_t inputs) {
+    constexpr uint32_t kMost = 3072;
+    constexpr uint32_t kMostStrided = 2304;
+    constexpr uint32_t kWide = 2 * kConvRowGroup;
+    const bool strided = !desc.transposed && desc.stride == 2;
+    const uint32_t most = strided ? kMostStrided : kMost;
+    const bool wide =
+        desc.out_channels % kWide == 0 && (strided || inputs * each * kWide <= most);
+    const uint32_t together = wide ? kWide : kConvRowGroup;
+    const uint32_t cap = std::max(1U, most / (each * together));
+    return {ceil_div(inputs, ceil_div(inputs, cap)), together}; // slices much alike
+}
+
+/// Zeros after the weights, for layers that start from nothing.
+constexpr uint32_t kZeros = 64;
 
 /// One product of the sums over a kernel's column that make two output rows: its weight is the
 /// column times this.
@@ -78,13 +102,9 @@ void Conv::pack_row(std::span<const float> weight, std::span<const float> bias) 
     std::vector<float> all;
     for (uint32_t input = 0; input < inputs_.size(); ++input) {
         const auto channels = static_cast<uint32_t>(inputs_[input].size());
-        const uint32_t most = std::max(1U, kMostProducts / (each * kConvRowGroup));
-        const uint32_t cut = ceil_div(channels, ceil_div(channels, most)); // slices much alike
-        for (uint32_t first = 0; first < channels; first += cut) {
-            const uint32_t count = std::min(cut, channels - first);
-            const uint32_t wide = 2 * kConvRowGroup;
-            const bool fits = desc_.out_channels % wide == 0 && count * each * wide <= kMostProducts;
-            const uint32_t together = fits ? wide : kConvRowGroup;
+        const auto [most, together] = share(desc_, each, channels);
+        for (uint32_t first = 0; first < channels; first += most) {
+            const uint32_t count = std::min(most, channels - first);
             const bool start = row_slices_.empty();
             row_slices_.push_back({input, first, count, together, all.size() * sizeof(float)});
             for (uint32_t out = 0; out < desc_.out_channels; out += together) {
@@ -108,6 +128,7 @@ void Conv::pack_row(std::span<const float> weight, std::span<const float> bias) 
             }
         }
     }
+    all.resize(all.size() + kZeros);
     weights_ = upload<float>(device_, all);
 }
 
@@ -139,14 +160,18 @@ void Conv::record_row(Program& program, std::span<const Tensor> inputs, const Te
              (in.offset(slice.first, 0, 0) - pad * in.row_stride() - pad) * 4},
             {offsetof(RowPush, weight_address), constant(weights_, slice.offset), 0}};
         if (init) {
+            push.init_pixel = init->layout().block;
             push.init_row = static_cast<uint32_t>(init->layout().row_stride());
             push.init_plane = static_cast<uint32_t>(init->layout().plane_stride());
             dispatch.pointers.push_back({offsetof(RowPush, init_address), ecir::read(*init),
                                          init->layout().origin() * 4});
+        } else {
+            dispatch.pointers.push_back({offsetof(RowPush, init_address), constant(weights_),
+                                         weights_->size() - kZeros * sizeof(float)});
         }
         dispatch.set_push(push);
         const auto plane = static_cast<uint32_t>(in.plane_stride());
-        const uint32_t block = init ? init->layout().block : 0;
+        const uint32_t block = init ? init->layout().block : 1;
         const uint32_t groups = desc_.out_channels / slice.together;
         if (desc_.transposed) {
             const std::array<uint32_t, 6> constants{lanes, slice.count, slice.together,

@@ -29,10 +29,15 @@
 //   its address, and the layer takes 1.8 times as long. The pitch is rounded up (conv_layout()), so that a
 //   pipeline serves many sizes;
 // - weights come four a load: not faster, but the driver compiles in 0.7 instead of 2 s;
-// - S 2: every second pixel out of two vectors by shuffles with known lanes, a single permutation each.
+// - S 2: every second pixel out of two vectors by shuffles with known lanes, which LLVM turns into a join
+//   and a truncation of 64-bit numbers; 5x5 16 -> 32 takes 7.2 ms, 12 ms with strided loads. Odd columns
+//   out of the vectors that have the even ones take 14 ms, as LLVM keeps them all;
+// - no load of a push constant behind a branch, where the driver does it lane by lane for each store: 3.2
+//   instead of 4.9 ms for 3x3 32 -> 32 at 120x90;
+// - one pipeline with and without `init`, whose strides can be 0: 2 to 3 % for half as many to compile.
 //
 // Layouts: in: by rows, in_address pointing at the corner of the first window; out: any of block 1; init:
-//   block INIT, init_address pointing at pixel (0, 0) of channel 0; weights: per CB output channels the bias
+//   block INIT, init_address pointing at pixel (0, 0) of channel 0, or zeros and strides 0; weights: per CB output channels the bias
 //   [CB], then [i][kx][product][CB].
 // Bindings: 0 out; everything else by address.
 // Preconditions: `in` and `init` readable (any content) up to 2 LX S pixels past what they hold;
@@ -52,7 +57,7 @@ layout(constant_id = 2) const int CB = 8; // 4 or 8
 layout(constant_id = 3) const int K = 3;
 layout(constant_id = 4) const int S = 1; // K 5: 2
 layout(constant_id = 5) const int PLANE = 144; // elements from a channel of `in` to the next
-layout(constant_id = 6) const int INIT = 0; // 0: none
+layout(constant_id = 6) const int INIT = 1;
 
 const int ROWS = S + K; // input rows of two output rows
 const int PRODUCTS = S == 1 ? 4 : (K == 3 ? 5 : 7);
@@ -64,6 +69,7 @@ layout(push_constant, scalar) uniform Push {
     uint64_t init_address;
     uint in_row; // elements
     uint in_last; // row, counted from in_address
+    uint init_pixel;
     uint init_row;
     uint init_plane;
     uint out_origin;
@@ -72,6 +78,7 @@ layout(push_constant, scalar) uniform Push {
     uint width;
     uint height;
     float floor_;
+    uint filler; // to whole 8 bytes, as the host has it
     uint digit[8]; // 0, 1, ..., 7
 };
 
@@ -85,8 +92,8 @@ float load_in(uint x, uint y, int i, int r, int kx) {
     if (S == 1) {
         return load_row(in_address + uint64_t(row + x + kx) * 4ul + plane);
     }
-    const uint64_t first = in_address + uint64_t(row + S * x + kx / 2 * 2) * 4ul + plane;
-    const uint from = (2 * gl_SubgroupInvocationID + kx % 2) % LX;
+    const uint64_t first = in_address + uint64_t(row + S * x + kx) * 4ul + plane;
+    const uint from = S * gl_SubgroupInvocationID % LX;
     const float low = subgroupShuffle(load_row(first), from);
     const float high = subgroupShuffle(load_row(first + uint64_t(LX) * 4ul), from);
     return gl_SubgroupInvocationID < LX / 2 ? low : high;
@@ -147,21 +154,27 @@ void main() {
             }
         }
     }
+    // Push constants are read here: behind a branch the driver reads them lane by lane.
+    const float least = floor_;
+    const uint below[2] = {width, y + 1 < height ? width : 0};
+    const uint target = out_origin + group * (CB * out_plane) + y * out_row + x + lane;
+    const uint plane = out_plane;
+    const uint next = out_row;
+    const uint start = y * init_row + x * init_pixel;
+    const uint start_next = y + 1 < height ? init_row : 0;
     [[unroll]] for (int c = 0; c < CB; ++c) {
-        const float rows[2] = {both[c] + apart[c] + upper[c], both[c] - apart[c] + lower[c]};
         const float bias = weight.v[c / 4][c % 4];
         const uint channel = group * CB + c;
+        const uint at = channel / INIT * init_plane + channel % INIT + start;
+        const float first = load_lanes(init_address, at, INIT) + bias;
+        const float second = load_lanes(init_address, at + start_next, INIT) + bias;
+        upper[c] = max(both[c] + apart[c] + upper[c] + first, least);
+        lower[c] = max(both[c] - apart[c] + lower[c] + second, least);
+    }
+    [[unroll]] for (int c = 0; c < CB; ++c) {
         [[unroll]] for (int t = 0; t < 2; ++t) {
-            float sum = rows[t] + bias;
-            if (INIT != 0) {
-                const uint at = min(y + t, height - 1) * init_row + x * INIT;
-                const int block = max(INIT, 1);
-                sum += load_lanes(init_address,
-                                  channel / block * init_plane + channel % block + at, INIT);
-            }
-            if (x + lane < width && y + t < height) {
-                out_[out_origin + channel * out_plane + (y + t) * out_row + x + lane] =
-                    max(sum, floor_);
+            if (x + lane < below[t]) {
+                out_[target + c * plane + t * next] = t == 0 ? upper[c] : lower[c];
             }
         }
     }

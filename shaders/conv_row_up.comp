@@ -11,7 +11,7 @@
 // which go lane by lane anyway.
 //
 // Layouts: in: by rows, in_address pointing at (-(K / 4), -(K / 4)) of channel 0; out: any of block 1; init:
-//   block INIT, init_address pointing at pixel (0, 0) of channel 0; weights: per CB output channels the bias
+//   block INIT, init_address pointing at pixel (0, 0) of channel 0, or zeros and strides 0; weights: per CB output channels the bias
 //   [CB], then [i][ky][kx][CB].
 // Bindings: 0 out; everything else by address.
 // Preconditions: `in` and `init` readable (any content) up to 2 LX pixels past what they hold;
@@ -29,7 +29,7 @@ layout(constant_id = 1) const int C = 32;
 layout(constant_id = 2) const int CB = 8; // 4 or 8
 layout(constant_id = 3) const int K = 3;
 layout(constant_id = 4) const int PLANE = 144; // elements from a channel of `in` to the next
-layout(constant_id = 5) const int INIT = 0; // 0: none
+layout(constant_id = 5) const int INIT = 1;
 
 const int SIDE = (K + 1) / 2; // inputs that meet an output, along an axis, over all phases
 
@@ -40,6 +40,7 @@ layout(push_constant, scalar) uniform Push {
     uint64_t init_address;
     uint in_row; // elements
     uint in_last; // row, counted from in_address
+    uint init_pixel;
     uint init_row;
     uint init_plane;
     uint out_origin;
@@ -48,6 +49,7 @@ layout(push_constant, scalar) uniform Push {
     uint width; // of the output
     uint height;
     float floor_;
+    uint filler; // to whole 8 bytes, as the host has it
     uint digit[8]; // 0, 1, ..., 7
 };
 
@@ -88,23 +90,29 @@ void main() {
             }
         }
     }
+    // Push constants are read here: behind a branch the driver reads them lane by lane.
+    const float least = floor_;
+    const uint below[2] = {width, 2 * y + 1 < height ? width : 0};
+    const uint target =
+        out_origin + group * (CB * out_plane) + 2 * y * out_row + 2 * (x + lane);
+    const uint plane = out_plane;
+    const uint next = out_row;
+    const uint start = 2 * y * init_row + 2 * x * init_pixel;
+    const uint start_next = 2 * y + 1 < height ? init_row : 0;
     [[unroll]] for (int c = 0; c < CB; ++c) {
         const float bias = weight.v[c / 4][c % 4];
         const uint channel = group * CB + c;
+        const uint at = channel / INIT * init_plane + channel % INIT + start;
         [[unroll]] for (int phase = 0; phase < 4; ++phase) {
-            const uint row = 2 * y + phase / 2;
-            const uint column = 2 * x + phase % 2;
-            float value = sum[phase * CB + c] + bias;
-            if (INIT != 0) {
-                const int block = max(INIT, 1);
-                value += load_lanes(init_address,
-                                    channel / block * init_plane + channel % block +
-                                        min(row, height - 1) * init_row + column * INIT,
-                                    2 * INIT);
-            }
-            if (column + 2 * lane < width && row < height) {
-                out_[out_origin + channel * out_plane + row * out_row + column + 2 * lane] =
-                    max(value, floor_);
+            const float first = load_lanes(
+                init_address, at + phase / 2 * start_next + phase % 2 * init_pixel, 2 * INIT);
+            sum[phase * CB + c] = max(sum[phase * CB + c] + first + bias, least);
+        }
+    }
+    [[unroll]] for (int c = 0; c < CB; ++c) {
+        [[unroll]] for (int phase = 0; phase < 4; ++phase) {
+            if (2 * (x + lane) + phase % 2 < below[phase / 2]) {
+                out_[target + c * plane + phase / 2 * next + phase % 2] = sum[phase * CB + c];
             }
         }
     }
