@@ -130,8 +130,7 @@ void Conv::check(std::span<const Tensor> inputs, const Tensor& output,
                  std::to_string(out.height) + "x" + std::to_string(out.width));
         }
     }
-    if (out.channels != desc_.out_channels || out.block != block_ ||
-        (family_ == ConvFamily::row) != (out.row_channels > 0)) {
+    if (out.channels != desc_.out_channels || out.block != block_) {
         fail("output has the wrong channels or block");
     }
     if (residual &&

@@ -34,8 +34,7 @@ uint32_t channel_block(const DeviceInfo& info);
 ConvFamily row_family(const DeviceInfo& info, std::span<const uint32_t> out_channels);
 constexpr uint32_t kConvRowGroup = 4;
 
-/// The layout that convolutions of a family want of the tensors that they write, and of the row
-/// family's inputs.
+/// The layout of a tensor between convolutions of a family.
 Layout conv_layout(const DeviceInfo& info, ConvFamily family, uint32_t channels, uint32_t height,
                    uint32_t width, uint32_t halo = 0);
 
@@ -72,7 +71,8 @@ public:
     /// Output pixels are ceil(H / stride) x ceil(W / stride); transposed: 2 H or 2 H - 1 as
     /// `output` has. Inputs need a halo of kernel / 2 (transposed: 1) zeros and their channel
     /// padding finite; block channel_block() or 1. Output and residual have block channel_block().
-    /// Row family: inputs and output of conv_layout(), the residual in any layout.
+    /// Row family: inputs of conv_layout(), output of that or another layout of block 1, the
+    /// residual of any.
     /// The output's halo is not written. Throws Error(device) where shapes disagree.
     void record(Program& program, std::span<const Tensor> inputs, const Tensor& output,
                 const std::optional<Tensor>& residual = {}) const;

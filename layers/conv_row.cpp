@@ -8,8 +8,8 @@
 #include "layers/shapes.hpp"
 #include "runtime/error.hpp"
 
-// The row family of convolutions: what shaders/conv_row.comp and conv_row_up.comp read, and how they are
-// launched.
+// The row family of convolutions: what shaders/conv_row.comp and conv_row_up.comp read, and how
+// they are launched.
 
 namespace ecir {
 namespace {
@@ -41,17 +41,16 @@ struct Share {
     uint32_t together;
 };
 
-/// each: multiply-adds of an input with an output channel. The bounds are on a workgroup's code, which
-/// the instruction caches should be able to feed, and with stride 2, whose loads are long, on what
-/// the driver compiles in a second.
+/// each: multiply-adds of an input with an output channel. The bounds are on a workgroup's code,
+/// which the instruction caches should be able to feed, and with stride 2, whose loads are long, on
+/// what the driver compiles in a second.
 Share share(const ConvDesc& desc, uint32_t each, uint32_t inputs) {
     constexpr uint32_t kMost = 3072;
     constexpr uint32_t kMostStrided = 2304;
     constexpr uint32_t kWide = 2 * kConvRowGroup;
     const bool strided = !desc.transposed && desc.stride == 2;
     const uint32_t most = strided ? kMostStrided : kMost;
-    const bool wide =
-        desc.out_channels % kWide == 0 && (strided || inputs * each * kWide <= most);
+    const bool wide = desc.out_channels % kWide == 0 && (strided || inputs * each * kWide <= most);
     const uint32_t together = wide ? kWide : kConvRowGroup;
     const uint32_t cap = std::max(1U, most / (each * together));
     return {ceil_div(inputs, ceil_div(inputs, cap)), together}; // slices much alike
@@ -150,9 +149,8 @@ void Conv::record_row(Program& program, std::span<const Tensor> inputs, const Te
         push.out_plane = static_cast<uint32_t>(out.plane_stride());
         push.width = out.width;
         push.height = out.height;
-        push.floor = s + 1 == row_slices_.size() && desc_.relu
-                         ? 0
-                         : std::numeric_limits<float>::lowest();
+        push.floor =
+            s + 1 == row_slices_.size() && desc_.relu ? 0 : std::numeric_limits<float>::lowest();
         Dispatch dispatch;
         dispatch.arguments = {update(output)};
         dispatch.pointers = {
@@ -163,8 +161,8 @@ void Conv::record_row(Program& program, std::span<const Tensor> inputs, const Te
             push.init_pixel = init->layout().block;
             push.init_row = static_cast<uint32_t>(init->layout().row_stride());
             push.init_plane = static_cast<uint32_t>(init->layout().plane_stride());
-            dispatch.pointers.push_back({offsetof(RowPush, init_address), ecir::read(*init),
-                                         init->layout().origin() * 4});
+            dispatch.pointers.push_back(
+                {offsetof(RowPush, init_address), ecir::read(*init), init->layout().origin() * 4});
         } else {
             dispatch.pointers.push_back({offsetof(RowPush, init_address), constant(weights_),
                                          weights_->size() - kZeros * sizeof(float)});
@@ -180,15 +178,15 @@ void Conv::record_row(Program& program, std::span<const Tensor> inputs, const Te
             dispatch.groups = {ceil_div(in.width, lanes), in.height, groups};
             dispatch.label = "conv_row_up";
         } else {
-            const std::array<uint32_t, 7> constants{
-                lanes, slice.count, slice.together, k, desc_.stride, plane, block};
+            const std::array<uint32_t, 7> constants{lanes,        slice.count, slice.together, k,
+                                                    desc_.stride, plane,       block};
             dispatch.kernel = &device_.kernel("conv_row", constants, 1, sizeof(push));
             dispatch.groups = {ceil_div(out.width, lanes), ceil_div(out.height, 2), groups};
             dispatch.label = "conv_row";
         }
         // Of the plain sums, whatever products they take.
-        const double summed =
-            (desc_.transposed ? double{1} * in.height * in.width : double{1} * out.height * out.width);
+        const double summed = (desc_.transposed ? double{1} * in.height * in.width
+                                                : double{1} * out.height * out.width);
         dispatch.flops = 2.0 * summed * desc_.out_channels * slice.count * k * k;
         dispatch.bytes = 4.0 * (double{1} * in.height * in.width * slice.count +
                                 (init ? 2.0 : 1.0) * out.height * out.width * desc_.out_channels);

@@ -7,8 +7,8 @@ namespace ecir {
 /// [ceil(channels / block)][height + 2 halo][pitch][block], with `halo` zero rows above and below
 /// and zero columns at both sides, so that a convolution reads over the border without a test.
 /// block 1 and halo 0 is the dense planar form in which data goes up and down.
-/// By rows (row_channels > 0, block 1): [height + 2 halo][row_channels][pitch] instead, the channels'
-/// rows one after another.
+/// By rows (row_channels > 0, block 1): [height + 2 halo][row_channels][pitch] instead, the
+/// channels' rows one after another.
 struct Layout {
     uint32_t channels = 1;
     uint32_t height = 1;
@@ -16,7 +16,8 @@ struct Layout {
     uint32_t block = 1;
     uint32_t halo = 0;
     uint32_t pitch = 0; ///< pixels from one row to the next; 0 for width + 2 halo
-    uint32_t row_channels = 0; ///< by rows: channels of the whole tensor, of which this may be a view
+    uint32_t row_channels =
+        0; ///< by rows: channels of the whole tensor, of which this may be a view
 
     [[nodiscard]] uint32_t row_pixels() const { return pitch != 0 ? pitch : width + 2 * halo; }
     [[nodiscard]] uint32_t blocks() const { return (channels + block - 1) / block; }

@@ -136,10 +136,9 @@ Trial make_trial(Device& device, const ConvCase& c, CaseRandom random, ConvFamil
     if (c.residual) {
         residual_dense = random.values(size_t{c.out} * out_height * out_width, -1, 1);
         // The row family takes any; by rows where inputs are not said to be planar.
-        const Layout layout =
-            family == ConvFamily::row && c.planar == 0
-                ? conv_layout(device.info(), family, c.out, out_height, out_width)
-                : Layout{c.out, out_height, out_width, block, 0};
+        const Layout layout = family == ConvFamily::row && c.planar == 0
+                                  ? conv_layout(device.info(), family, c.out, out_height, out_width)
+                                  : Layout{c.out, out_height, out_width, block, 0};
         residual = program.input(layout);
     }
     trial.first_step = program.steps();
@@ -173,18 +172,17 @@ Trial make_trial(Device& device, const ConvCase& c, CaseRandom random, ConvFamil
 Trial conv_trial(Device& device, uint32_t trial) {
     const auto small = static_cast<uint32_t>(small_convs().size());
     return make_trial(device,
-                      trial < small ? small_convs()[trial]
-                                    : network_convs(channel_block(device.info())).at(trial - small),
+                      trial < small ? small_convs()[trial] : network_convs().at(trial - small),
                       CaseRandom(trial), conv_family(device.info()));
 }
 
 Trial conv_tile_trial(Device& device, uint32_t trial) {
     const auto small = static_cast<uint32_t>(small_convs().size());
-    // Of the networks' a few: where this is the device's family, `conv` has them all.
+    // Of the networks' a few: where this is the device's family, `conv` and `conv_row` have all.
     constexpr std::array<size_t, 3> kChosen = {2, 9, 11};
     return make_trial(device,
                       trial < small ? small_convs()[trial]
-                                    : network_convs(kConvTileBlock).at(kChosen.at(trial - small)),
+                                    : network_row_convs().at(kChosen.at(trial - small)),
                       CaseRandom(trial), ConvFamily::tile);
 }
 

@@ -45,7 +45,7 @@ private:
     std::vector<ConvCase> convs_;
 };
 
-void collect_fusion(Collector& add, uint32_t block) {
+void collect_fusion(Collector& add) {
     const FusionWidths widths{SafeTensors(find_model("fusion"))};
     const auto [a, b, c, d] = widths.trunk;
     add.add(1, {.stride = 2, .inputs = {anchor_count, anchor_count}, .out = a, .planar = 2});
@@ -58,12 +58,8 @@ void collect_fusion(Collector& add, uint32_t block) {
     add.plain(16, d);
     add.up(8, {d}, c, 3, true);
     add.up(4, {c}, b, 3, true);
-    const uint32_t features = fusion_basis_layout({widths.head[2], 1, 1, block}).channels;
-    add.add(4, {.inputs = {b}, .out = features, .relu = false});
-}
-
-void collect_fusion_head(Collector& add) {
-    const auto [x, y, z] = FusionWidths(SafeTensors(find_model("fusion"))).head;
+    const auto [x, y, z] = widths.head;
+    add.add(4, {.inputs = {b}, .out = fusion_basis * z, .relu = false});
     add.add(1, {.kernel = 5, .stride = 2, .inputs = {plane_count}, .out = y, .planar = 1});
     add.down(2, y, z, 3, true);
     add.plain(4, z);
@@ -150,13 +146,12 @@ const std::vector<ConvCase>& small_row_convs() {
 
 std::vector<ConvCase> network_row_convs() {
     Collector collector;
-    collect_fusion_head(collector);
+    collect_fusion(collector);
     return collector.convs();
 }
 
-std::vector<ConvCase> network_convs(uint32_t block) {
+std::vector<ConvCase> network_convs() {
     Collector collector;
-    collect_fusion(collector, block);
     collect_ecir(collector);
     return collector.convs();
 }

@@ -27,12 +27,10 @@ const std::vector<ConvCase>& small_convs();
 /// several, odd sizes, one pixel, a residual by rows and in blocks.
 const std::vector<ConvCase>& small_row_convs();
 
-/// Those of `fusion` that are of the row family, at 240x180.
+/// Those of the shipped networks at 240x180, each shape once, with the widths of the weights files:
+/// of `fusion`, which are of the row family, and of `ecir`. They throw Error(bad_input) where a
+/// file is missing.
 std::vector<ConvCase> network_row_convs();
-
-/// The others of the shipped networks `fusion` and `ecir` at 240x180, each shape once, with the widths
-/// of the weights files for a device with this channel block. Throws Error(bad_input) where these
-/// are missing.
-std::vector<ConvCase> network_convs(uint32_t block);
+std::vector<ConvCase> network_convs();
 
 } // namespace ecir
