@@ -83,6 +83,23 @@ uint32_t channel_block(const DeviceInfo& info) {
     return conv_family(info) == ConvFamily::lane && info.subgroup_size == 16 ? 16 : kConvTileBlock;
 }
 
+ConvFamily row_family(const DeviceInfo& info, std::span<const uint32_t> out_channels) {
+    const bool whole = std::ranges::all_of(
+        out_channels, [](uint32_t channels) { return channels % kConvRowGroup == 0; });
+    const ConvFamily family = conv_family(info);
+    return family == ConvFamily::lane && whole ? ConvFamily::row : family;
+}
+
+Layout conv_layout(const DeviceInfo& info, ConvFamily family, uint32_t channels, uint32_t height,
+                   uint32_t width, uint32_t halo) {
+    if (family != ConvFamily::row) {
+        return {channels, height, width, channel_block(info), halo};
+    }
+    constexpr uint32_t kPitchStep = 8; // pipelines of the row family depend on the pitch
+    const uint32_t pitch = ceil_div(width + 2 * halo, kPitchStep) * kPitchStep;
+    return {channels, height, width, 1, halo, pitch, channels};
+}
+
 ChannelMap channel_range(uint32_t first, uint32_t count) {
     ChannelMap map(count);
     for (uint32_t i = 0; i < count; ++i) {
@@ -105,7 +122,8 @@ void Conv::check(std::span<const Tensor> inputs, const Tensor& output,
                                             : ceil_div(in.height, desc_.stride) == out.height &&
                                                   ceil_div(in.width, desc_.stride) == out.width;
         if (!shape || in.channels != inputs_[i].size() || in.halo < halo ||
-            (in.block != block_ && in.block != 1)) {
+            (family_ == ConvFamily::row ? in.row_channels == 0
+                                        : in.block != block_ && in.block != 1)) {
             fail("input " + std::to_string(i) + " of " + std::to_string(in.channels) + "x" +
                  std::to_string(in.height) + "x" + std::to_string(in.width) +
                  " does not fit output " + std::to_string(out.channels) + "x" +
@@ -117,7 +135,8 @@ void Conv::check(std::span<const Tensor> inputs, const Tensor& output,
     }
     if (residual &&
         (residual->layout().channels != out.channels || residual->layout().height != out.height ||
-         residual->layout().width != out.width || residual->layout().block != block_)) {
+         residual->layout().width != out.width ||
+         (residual->layout().block != block_ && family_ != ConvFamily::row))) {
         fail("residual and output differ in shape");
     }
 }
@@ -127,6 +146,8 @@ void Conv::record(Program& program, std::span<const Tensor> inputs, const Tensor
     check(inputs, output, residual);
     if (family_ == ConvFamily::lane) {
         record_lane(program, inputs, output, residual);
+    } else if (family_ == ConvFamily::row) {
+        record_row(program, inputs, output, residual);
     } else {
         record_tile(program, inputs, output, residual);
     }

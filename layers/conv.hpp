@@ -9,9 +9,10 @@
 
 namespace ecir {
 
-/// The two families of convolution kernels.
+/// The families of convolution kernels.
 enum class ConvFamily {
     lane, ///< shaders/conv_lane.comp, for drivers that run on a CPU; reads by device address
+    row,  ///< shaders/conv_row.comp and conv_row_up.comp, for the same; tensors by rows
     tile, ///< shaders/conv_tile.comp, storage buffers only, for GPUs and everything else
 };
 
@@ -26,6 +27,16 @@ ConvFamily conv_family(const DeviceInfo& info);
 
 /// Channels a block of a tensor that convolutions work on: 8, or the subgroup's 16 lanes.
 uint32_t channel_block(const DeviceInfo& info);
+
+/// The family for a network part whose convolutions have these output channels: row instead of lane
+/// where all are multiples of kConvRowGroup. It pays where rows fill the lanes, some 30 pixels on,
+/// and channels are few (shaders/conv_row.comp has the figures).
+ConvFamily row_family(const DeviceInfo& info, std::span<const uint32_t> out_channels);
+constexpr uint32_t kConvRowGroup = 4;
+
+/// The layout of a tensor between convolutions of a family.
+Layout conv_layout(const DeviceInfo& info, ConvFamily family, uint32_t channels, uint32_t height,
+                   uint32_t width, uint32_t halo = 0);
 
 struct ConvDesc {
     uint32_t out_channels = 1;
@@ -60,6 +71,8 @@ public:
     /// Output pixels are ceil(H / stride) x ceil(W / stride); transposed: 2 H or 2 H - 1 as
     /// `output` has. Inputs need a halo of kernel / 2 (transposed: 1) zeros and their channel
     /// padding finite; block channel_block() or 1. Output and residual have block channel_block().
+    /// Row family: inputs of conv_layout(), output of that or another layout of block 1, the
+    /// residual of any.
     /// The output's halo is not written. Throws Error(device) where shapes disagree.
     void record(Program& program, std::span<const Tensor> inputs, const Tensor& output,
                 const std::optional<Tensor>& residual = {}) const;
@@ -88,13 +101,24 @@ private:
         uint32_t groups_per_chunk;
     };
 
+    struct RowSlice { ///< row family: `count` input channels from `first` of one input
+        uint32_t input;
+        uint32_t first;
+        uint32_t count;
+        uint32_t together; ///< output channels a workgroup
+        uint64_t offset;   ///< in weights_, bytes
+    };
+
     void make_phases();
     [[nodiscard]] float weight_at(std::span<const float> weight, uint32_t out, uint32_t in,
                                   uint32_t tap) const;
     void pack_lane(std::span<const float> weight);
+    void pack_row(std::span<const float> weight, std::span<const float> bias);
     void pack_tile(std::span<const float> weight);
     void record_lane(Program& program, std::span<const Tensor> inputs, const Tensor& output,
                      const std::optional<Tensor>& residual) const;
+    void record_row(Program& program, std::span<const Tensor> inputs, const Tensor& output,
+                    const std::optional<Tensor>& residual) const;
     void record_tile(Program& program, std::span<const Tensor> inputs, const Tensor& output,
                      const std::optional<Tensor>& residual) const;
     void check(std::span<const Tensor> inputs, const Tensor& output,
@@ -117,6 +141,7 @@ private:
     uint32_t block_;
     std::vector<Phase> phases_;
     std::vector<std::vector<Slice>> slices_;          ///< lane: by phase
+    std::vector<RowSlice> row_slices_;                ///< row
     std::vector<std::vector<uint64_t>> tile_offsets_; ///< tile: by phase and input, bytes
     std::shared_ptr<const Buffer> weights_;
     std::shared_ptr<const Buffer> bias_; ///< [groups][block], at zeros_offset() as many zeros

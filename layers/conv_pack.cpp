@@ -37,7 +37,9 @@ Conv::Conv(Device& device, const ConvDesc& desc, const std::vector<ChannelMap>& 
            std::optional<ConvFamily> family)
     : device_(device), desc_(desc), inputs_(inputs),
       family_(family.value_or(conv_family(device.info()))),
-      block_(family_ == ConvFamily::lane ? channel_block(device.info()) : kConvTileBlock) {
+      block_(family_ == ConvFamily::row    ? 1
+             : family_ == ConvFamily::lane ? channel_block(device.info())
+                                           : kConvTileBlock) {
     for (const ChannelMap& map : inputs) {
         in_channels_ += static_cast<uint32_t>(map.size());
     }
@@ -49,6 +51,14 @@ Conv::Conv(Device& device, const ConvDesc& desc, const std::vector<ChannelMap>& 
     if (desc.most_bound % block_ != 0) {
         fail("most_bound is " + std::to_string(desc.most_bound) + ", not a multiple of the block " +
              std::to_string(block_));
+    }
+    if (family_ == ConvFamily::row) {
+        if (desc.out_channels % kConvRowGroup != 0) {
+            fail("the row family does not take " + std::to_string(desc.out_channels) +
+                 " output channels");
+        }
+        pack_row(weight, bias);
+        return;
     }
     make_phases();
     std::vector<float> padded(zeros_offset() / sizeof(float) + size_t{groups()} * block_);

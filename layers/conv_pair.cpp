@@ -134,7 +134,8 @@ void ConvPair::check(const Tensor& input, const Tensor& scratch, const Tensor& o
     };
     if (!good(input, channels_, 1) || input.layout().halo < 1 || !good(output, 1, 1) ||
         !good(scratch, kTaps, 1) ||
-        (terms.start && !good(*terms.start, hidden_, channel_block(device_.info()))) ||
+        (terms.start && !good(*terms.start, hidden_, channel_block(device_.info())) &&
+         !good(*terms.start, hidden_, 1)) ||
         (terms.added && !good(*terms.added, 1, 1))) {
         throw Error(ExitCode::device, "conv pair: input " + shape_text(input) +
                                           " or what is added does not fit output " +

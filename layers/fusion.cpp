@@ -7,6 +7,7 @@
 #include "layers/fusion_fetch.hpp"
 #include "layers/motion.hpp"
 #include "layers/pixel_dispatch.hpp"
+#include "layers/shapes.hpp"
 #include "layers/trajectory.hpp"
 #include "runtime/error.hpp"
 
@@ -14,6 +15,7 @@ namespace ecir {
 namespace {
 
 constexpr uint32_t kMostChannels = 1024;
+constexpr uint32_t kPlaneHalo = 2; ///< of the head's input: its first convolution is 5x5
 
 /// The numbers in a metadata entry, as many as `widths` has, divided by spaces.
 void read_widths(const SafeTensors& weights, const std::string& key, std::span<uint32_t> widths) {
@@ -35,11 +37,33 @@ void read_widths(const SafeTensors& weights, const std::string& key, std::span<u
     }
 }
 
+/// One family for the whole network: parts hand their tensors to one another.
+ConvFamily network_family(const DeviceInfo& info, const FusionWidths& widths) {
+    std::vector<uint32_t> channels(widths.trunk.begin(), widths.trunk.end());
+    channels.insert(channels.end(), widths.head.begin(), widths.head.end());
+    return row_family(info, channels);
+}
+
+/// Images that a first convolution reads, and other kernels read and write plane by plane.
+Layout image_layout(const DeviceInfo& info, ConvFamily family, uint32_t channels, uint32_t height,
+                    uint32_t width, uint32_t halo) {
+    return family == ConvFamily::row ? conv_layout(info, family, channels, height, width, halo)
+                                     : Layout{channels, height, width, 1, halo};
+}
+
+/// The mixed features, dense, at a quarter of the size.
+Layout mixed_layout(const DeviceInfo& info, ConvFamily family, uint32_t channels, uint32_t height,
+                    uint32_t width) {
+    return {channels, ceil_div(height, 4), ceil_div(width, 4),
+            family == ConvFamily::row ? 1 : channel_block(info)};
+}
+
 /// Makes convolutions from the tensors `fusion.*` of a weights file, into a table.
 struct Loader {
     Device& device;
     const SafeTensors& weights;
     ConvTable& table;
+    ConvFamily family;
 
     [[nodiscard]] const std::vector<float>& get(const std::string& name,
                                                 const std::vector<uint32_t>& shape) const {
@@ -62,7 +86,7 @@ struct Loader {
         if (has_bias) {
             bias = get(name + ".bias", {out});
         }
-        table.emplace(name, Conv(device, desc, maps, weight, bias));
+        table.emplace(name, Conv(device, desc, maps, weight, bias, family));
     }
     void plain(const std::string& name, uint32_t in, uint32_t out) {
         add(name, {in}, {.out_channels = out});
@@ -86,7 +110,7 @@ struct Loader {
             get(name + ".weight", {fusion_basis * channels, in, 3, 3});
         const std::vector<float>& bias = get(name + ".bias", {fusion_basis * channels});
         const uint32_t padded =
-            padded_channels({.channels = channels, .block = channel_block(device.info())});
+            padded_channels(mixed_layout(device.info(), family, channels, 1, 1));
         const size_t row = size_t{in} * 9;
         std::vector<float> weights_padded(size_t{fusion_basis} * padded * row);
         std::vector<float> bias_padded(size_t{fusion_basis} * padded);
@@ -97,7 +121,7 @@ struct Loader {
             bias_padded[to] = bias[c];
         }
         table.emplace(name, Conv(device, {.out_channels = fusion_basis * padded},
-                                 {channel_range(0, in)}, weights_padded, bias_padded));
+                                 {channel_range(0, in)}, weights_padded, bias_padded, family));
     }
 };
 
@@ -109,18 +133,10 @@ void record_residual(Program& program, const ConvTable& convs, const std::string
 }
 
 /// A tensor that convolutions read, with zeros around it.
-Tensor cleared(Program& program, Layout layout, uint32_t halo = 1) {
-    layout.halo = halo;
+Tensor cleared(Program& program, const Layout& layout) {
     const Tensor tensor = program.temporary(layout);
     program.clear(tensor);
     return tensor;
-}
-
-/// Layout of `channels` at a size divided by `divisor`, rounded up.
-Layout level(const Program& program, uint32_t channels, uint32_t height, uint32_t width,
-             uint32_t divisor) {
-    return {channels, (height + divisor - 1) / divisor, (width + divisor - 1) / divisor,
-            channel_block(program.device().info())};
 }
 
 } // namespace
@@ -131,9 +147,9 @@ FusionWidths::FusionWidths(const SafeTensors& weights) {
 }
 
 FusionTrunk::FusionTrunk(Device& device, const SafeTensors& weights, const FusionWidths& widths)
-    : widths_(widths) {
+    : widths_(widths), family_(network_family(device.info(), widths)) {
     const auto [a, b, c, d] = widths.trunk;
-    Loader load{device, weights, convs_};
+    Loader load{device, weights, convs_, family_};
     load.down("trunk.down1", {anchor_count, anchor_count}, a); // anchors; blurry frame and counts
     load.down("trunk.down2", {a}, b);
     load.residual("trunk.res2", b);
@@ -150,13 +166,23 @@ FusionTrunk::FusionTrunk(Device& device, const SafeTensors& weights, const Fusio
     load.basis("trunk.feature", b, widths.head[2]);
 }
 
+Layout FusionTrunk::exposure_layout(const DeviceInfo& info, uint32_t height, uint32_t width) const {
+    return image_layout(info, family_, anchor_count, height, width, 1);
+}
+
+Layout FusionTrunk::velocity_layout(const DeviceInfo& info, uint32_t height, uint32_t width) const {
+    return conv_layout(info, family_, 2 * anchor_count, ceil_div(height, 8), ceil_div(width, 8), 1);
+}
+
 Tensor FusionTrunk::record(Program& program, const PriorExposure& exposure,
                            const Tensor& velocity) const {
     const auto [a, b, c, d] = widths_.trunk;
     const uint32_t height = exposure.anchors.layout().height;
     const uint32_t width = exposure.anchors.layout().width;
-    const auto at = [&](uint32_t channels, uint32_t divisor) {
-        return level(program, channels, height, width, divisor);
+    const DeviceInfo& info = program.device().info();
+    const auto zeroed = [&](uint32_t channels, uint32_t divisor) {
+        return cleared(program, conv_layout(info, family_, channels, ceil_div(height, divisor),
+                                            ceil_div(width, divisor), 1));
     };
     const auto conv = [&](const char* name) -> const Conv& {
         return convs_.at(std::string("trunk.") + name);
@@ -164,13 +190,13 @@ Tensor FusionTrunk::record(Program& program, const PriorExposure& exposure,
     const auto residual = [&](const char* name, const Tensor& x, const Tensor& inner) {
         record_residual(program, convs_, std::string("trunk.") + name, x, inner);
     };
-    const Tensor x1 = cleared(program, at(a, 2));
-    const Tensor x2 = cleared(program, at(b, 4));
-    const Tensor inner2 = cleared(program, at(b, 4));
-    const Tensor x3 = cleared(program, at(c, 8));
-    const Tensor inner3 = cleared(program, at(c, 8));
-    const Tensor x4 = cleared(program, at(d, 16));
-    const Tensor inner4 = cleared(program, at(d, 16));
+    const Tensor x1 = zeroed(a, 2);
+    const Tensor x2 = zeroed(b, 4);
+    const Tensor inner2 = zeroed(b, 4);
+    const Tensor x3 = zeroed(c, 8);
+    const Tensor inner3 = zeroed(c, 8);
+    const Tensor x4 = zeroed(d, 16);
+    const Tensor inner4 = zeroed(d, 16);
 
     const std::array inputs = {exposure.anchors, exposure.context};
     conv("down1").record(program, inputs, x1);
@@ -186,19 +212,20 @@ Tensor FusionTrunk::record(Program& program, const PriorExposure& exposure,
     residual("res6", x3, inner3);
     conv("up2.conv").record(program, x3, x2, x2);
     residual("res7", x2, inner2);
-    const Tensor features = program.temporary(fusion_basis_layout(at(widths_.head[2], 4)));
+    const Tensor features = program.temporary(
+        fusion_basis_layout(mixed_layout(info, family_, widths_.head[2], height, width)));
     conv("feature").record(program, x2, features);
     return features;
 }
 
 FusionHead::FusionHead(Device& device, const SafeTensors& weights, const FusionWidths& widths)
-    : widths_(widths),
+    : widths_(widths), family_(network_family(device.info(), widths)),
       end_(device, plane_count, widths.head[0],
            weights.get("fusion.head.skip.weight", {widths.head[0], plane_count, 3, 3}),
            weights.get("fusion.head.out.weight", {1, widths.head[0], 3, 3}),
            weights.get("fusion.head.out.bias", {1}).front()) {
     const auto [a, b, c] = widths.head;
-    Loader load{device, weights, convs_};
+    Loader load{device, weights, convs_, family_};
     load.down("head.down1", {plane_count}, b, 5);
     load.down("head.down2", {b}, c);
     load.residual("head.res2", c);
@@ -210,17 +237,21 @@ FusionHead::FusionHead(Device& device, const SafeTensors& weights, const FusionW
 
 FusionHead::Tensors FusionHead::prepare(Program& program, uint32_t height, uint32_t width) const {
     const auto [a, b, c] = widths_.head;
-    const Layout half = level(program, b, height, width, 2);
-    const Layout quarter = level(program, c, height, width, 4);
+    const DeviceInfo& info = program.device().info();
+    const auto at = [&](uint32_t channels, uint32_t divisor, uint32_t halo) {
+        return conv_layout(info, family_, channels, ceil_div(height, divisor),
+                           ceil_div(width, divisor), halo);
+    };
     Tensors t;
-    t.planes = cleared(program, {plane_count, height, width}, 2);
-    t.mixed = program.temporary(quarter);
-    t.x0 = program.temporary(level(program, a, height, width, 1));
+    t.planes =
+        cleared(program, image_layout(info, family_, plane_count, height, width, kPlaneHalo));
+    t.mixed = program.temporary(mixed_layout(info, family_, c, height, width));
+    t.x0 = program.temporary(at(a, 1, 0));
     t.taps = ConvPair::scratch(program, height, width);
-    t.x1 = cleared(program, half);
-    t.inner1 = cleared(program, half);
-    t.x2 = cleared(program, quarter);
-    t.inner2 = cleared(program, quarter);
+    t.x1 = cleared(program, at(b, 2, 1));
+    t.inner1 = cleared(program, at(b, 2, 1));
+    t.x2 = cleared(program, at(c, 4, 1));
+    t.inner2 = cleared(program, at(c, 4, 1));
     return t;
 }
 
@@ -267,8 +298,9 @@ void FusionMethod::record(Program& program, uint32_t frames, uint32_t capacity) 
                            events_.positives, blurry_,      threshold_input_};
 
     PriorExposure exposure;
-    exposure.anchors = cleared(program, {anchor_count, height_, width_}, FusionTrunk::kInputHalo);
-    exposure.context = cleared(program, {anchor_count, height_, width_}, FusionTrunk::kInputHalo);
+    const Layout images = trunk_.exposure_layout(device_->info(), height_, width_);
+    exposure.anchors = cleared(program, images);
+    exposure.context = cleared(program, images);
     exposure.base = program.temporary({1, height_, width_});
     exposure.logarithms =
         program.temporary({prior_windows + 1, (height_ + 1) / 2, (width_ + 1) / 2});
@@ -283,7 +315,8 @@ void FusionMethod::record(Program& program, uint32_t frames, uint32_t capacity) 
 void FusionMethod::record_corrected_frames(Program& program, const PriorInput& input,
                                            const PriorExposure& exposure) const {
     const Tensor velocity = program.temporary(motion_layout(height_, width_));
-    const Tensor channels = cleared(program, level(program, 2 * anchor_count, height_, width_, 8));
+    const Tensor channels =
+        cleared(program, trunk_.velocity_layout(device_->info(), height_, width_));
     record_motion(program, exposure.logarithms, velocity, channels);
     const Tensor features = networks_->trunk.record(program, exposure, channels);
 
@@ -302,7 +335,7 @@ void FusionMethod::record_corrected_frames(Program& program, const PriorInput& i
 void FusionMethod::record_prior_frames(Program& program, const PriorInput& input,
                                        const PriorExposure& exposure) const {
     const Tensor planes = program.temporary({plane_count, height_, width_});
-    const Tensor nothing = cleared(program, {1, height_, width_}, 0);
+    const Tensor nothing = cleared(program, {1, height_, width_});
     for (uint32_t i = 0; i < output_.layout().channels; ++i) {
         record_prior_frame(program, input, exposure.base, instants_.channels(i, 1), planes);
         record_add(program, planes.channels(0, 1), nothing, output_.channels(i, 1));

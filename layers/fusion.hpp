@@ -29,15 +29,20 @@ class FusionTrunk {
 public:
     FusionTrunk(Device& device, const SafeTensors& weights, const FusionWidths& widths);
 
-    /// Returns the features, fusion_basis_layout() of the head's last width at a quarter of the
-    /// size. exposure: record_prior()'s, with the halo kInputHalo; velocity: record_motion()'s
-    /// channels with that halo, block channel_block(), what fills up the last block finite.
-    Tensor record(Program& program, const PriorExposure& exposure, const Tensor& velocity) const;
+    /// Layouts of record_prior()'s anchors and context, and of record_motion()'s channels, whose
+    /// halos are zeros.
+    [[nodiscard]] Layout exposure_layout(const DeviceInfo& info, uint32_t height,
+                                         uint32_t width) const;
+    [[nodiscard]] Layout velocity_layout(const DeviceInfo& info, uint32_t height,
+                                         uint32_t width) const;
 
-    static constexpr uint32_t kInputHalo = 1;
+    /// Returns the features, fusion_basis_layout() of the head's last width at a quarter of the
+    /// size. What fills up the last block of `velocity` must be finite.
+    Tensor record(Program& program, const PriorExposure& exposure, const Tensor& velocity) const;
 
 private:
     FusionWidths widths_;
+    ConvFamily family_;
     ConvTable convs_;
 };
 
@@ -57,6 +62,7 @@ public:
 
 private:
     FusionWidths widths_;
+    ConvFamily family_;
     ConvTable convs_;
     ConvPair end_;
 };

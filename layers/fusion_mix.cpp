@@ -32,7 +32,7 @@ void record_fusion_mix(Program& program, const Tensor& features, const Tensor& i
                        const Tensor& mixed) {
     const Layout& layout = mixed.layout();
     const Layout& source = features.layout();
-    require_shapes(is_dense(mixed) && is_dense(features) && layout.block % kVector == 0 &&
+    require_shapes(is_dense(mixed) && is_dense(features) && layout.elements() % kVector == 0 &&
                        has_shape(features, fusion_basis_layout(layout).channels, layout.height,
                                  layout.width) &&
                        source.block == layout.block && is_instant(instant),

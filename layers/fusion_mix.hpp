@@ -11,7 +11,7 @@ Layout fusion_basis_layout(const Layout& mixed);
 /// Records mixed = sum over k of T_k(t) features(k), Chebyshev polynomials of the instant's time.
 /// features  of fusion_basis_layout(mixed)
 /// instant   one channel of instant_layout()
-/// mixed     dense, its block a multiple of 4; what fills up the last one is written too
+/// mixed     dense, a multiple of 4 elements; what fills up the last block is written too
 /// Throws Error(bad_input) for shapes that do not match.
 void record_fusion_mix(Program& program, const Tensor& features, const Tensor& instant,
                        const Tensor& mixed);

@@ -22,7 +22,8 @@ namespace ecir {
 namespace {
 
 constexpr std::array kOperations = {
-    Operation{"conv", 1e-5, "float32 sums of up to 2000 products", 17, conv_trial, 27},
+    Operation{"conv", 1e-5, "float32 sums of up to 2000 products", 17, conv_trial, 10},
+    Operation{"conv_row", 1e-5, "float32 sums of up to 2000 products", 15, conv_row_trial, 17},
     Operation{"conv_tile", 1e-5, "float32 sums of up to 2000 products", 17, conv_tile_trial, 3},
     Operation{"conv_plane", 1e-5, "float32 sums of up to 400 products", 4, conv_plane_trial},
     Operation{"conv_pair", 1e-5, "float32 sums of up to 700 products", 8, conv_pair_trial, 3},
@@ -42,7 +43,7 @@ constexpr std::array kOperations = {
               motion_oblique_trial},
     Operation{"trajectory", 1e-5, "8 float32 steps", 9, trajectory_trial, 1},
     Operation{"fusion_fetch", 1e-5, "float32 positions", 9, fusion_fetch_trial, 1},
-    Operation{"fusion_mix", 1e-6, "float32 sums of 4 products", 6, fusion_mix_trial, 1},
+    Operation{"fusion_mix", 1e-6, "float32 sums of 4 products", 7, fusion_mix_trial, 1},
 };
 
 } // namespace

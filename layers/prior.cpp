@@ -69,7 +69,8 @@ size_t prior_busy_pixels(const EventView& events, uint32_t width, uint32_t heigh
 }
 
 void record_prior(Program& program, const PriorInput& input, const PriorExposure& exposure) {
-    const auto [channels, height, width, block, halo, pitch] = input.blurry.layout();
+    const uint32_t height = input.blurry.layout().height;
+    const uint32_t width = input.blurry.layout().width;
     const uint32_t half_height = (height + 1) / 2;
     const uint32_t half_width = (width + 1) / 2;
     require_shapes(fits(input) && has_shape(exposure.anchors, anchor_count, height, width) &&

@@ -27,7 +27,8 @@ inline bool has_shape(const Tensor& tensor, uint32_t channels, uint32_t height, 
 
 /// Rows and planes follow each other without gaps.
 inline bool is_dense(const Tensor& tensor) {
-    return tensor.layout().halo == 0 && tensor.layout().pitch == 0;
+    const Layout& layout = tensor.layout();
+    return layout.halo == 0 && layout.pitch == 0 && layout.row_channels == 0;
 }
 
 /// "9x45x61 block 8 halo 1": channels, height, width.
@@ -36,6 +37,7 @@ inline std::string shape_text(const Tensor& tensor) {
     return std::to_string(layout.channels) + "x" + std::to_string(layout.height) + "x" +
            std::to_string(layout.width) +
            (layout.block > 1 ? " block " + std::to_string(layout.block) : "") +
+           (layout.row_channels > 0 ? " by rows" : "") +
            (layout.halo > 0 ? " halo " + std::to_string(layout.halo) : "");
 }
 

@@ -7,6 +7,8 @@ namespace ecir {
 /// [ceil(channels / block)][height + 2 halo][pitch][block], with `halo` zero rows above and below
 /// and zero columns at both sides, so that a convolution reads over the border without a test.
 /// block 1 and halo 0 is the dense planar form in which data goes up and down.
+/// By rows (row_channels > 0, block 1): [height + 2 halo][row_channels][pitch] instead, the
+/// channels' rows one after another.
 struct Layout {
     uint32_t channels = 1;
     uint32_t height = 1;
@@ -14,18 +16,26 @@ struct Layout {
     uint32_t block = 1;
     uint32_t halo = 0;
     uint32_t pitch = 0; ///< pixels from one row to the next; 0 for width + 2 halo
+    uint32_t row_channels =
+        0; ///< by rows: channels of the whole tensor, of which this may be a view
 
     [[nodiscard]] uint32_t row_pixels() const { return pitch != 0 ? pitch : width + 2 * halo; }
     [[nodiscard]] uint32_t blocks() const { return (channels + block - 1) / block; }
     /// Elements from one pixel row to the next.
-    [[nodiscard]] uint64_t row_stride() const { return uint64_t{row_pixels()} * block; }
+    [[nodiscard]] uint64_t row_stride() const {
+        return uint64_t{row_pixels()} * (row_channels > 0 ? row_channels : block);
+    }
     /// Elements from one channel block to the next.
     [[nodiscard]] uint64_t plane_stride() const {
-        return (height + 2 * uint64_t{halo}) * row_stride();
+        return row_channels > 0 ? row_pixels() : (height + 2 * uint64_t{halo}) * row_stride();
     }
     /// Element of channel 0 at (0, 0).
     [[nodiscard]] uint64_t origin() const { return halo * row_stride() + uint64_t{halo} * block; }
-    [[nodiscard]] uint64_t elements() const { return blocks() * plane_stride(); }
+    [[nodiscard]] uint64_t elements() const {
+        return row_channels > 0 ? (height + 2 * uint64_t{halo} - 1) * row_stride() +
+                                      uint64_t{channels} * row_pixels()
+                                : blocks() * plane_stride();
+    }
     [[nodiscard]] uint64_t offset(uint32_t channel, uint32_t y, uint32_t x) const {
         return origin() + channel / block * plane_stride() + y * row_stride() +
                uint64_t{x} * block + channel % block;

@@ -106,9 +106,10 @@ void main() {
         }
     }
     const uint target = out_origin + group * out_plane + y * out_row + x * (OS * LX) + lane;
+    const float least = floor_; // behind the branch the driver would read it lane by lane
     [[unroll]] for (int p = 0; p < PX; ++p) {
         if (x + p < width) {
-            out_[target + p * (OS * LX)] = max(sum[p], floor_);
+            out_[target + p * (OS * LX)] = max(sum[p], least);
         }
     }
 }

@@ -7,7 +7,7 @@
 //
 // features   4 tensors of the layout of `mixed` one after the other
 // instant    layers/instant.hpp, of which word 0, the time, counts
-// mixed      a multiple of 4 channels blocked by a multiple of 4, so that vec4 `size` of them are all
+// mixed      any order of a multiple of 4 elements, so that vec4 `size` of them are all
 // Bindings: 0 features, 1 instant, 2 mixed. Origins in vec4, of the instant in words.
 // Precondition: size <= 64 x groups.x x groups.y.
 // Tile: 4 elements an invocation.

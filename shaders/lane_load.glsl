@@ -10,11 +10,28 @@
 // LLVM merges only if each vector has an address of its own: where neighbouring vectors share their loads
 // it leaves broadcasts and blends. Hence the offset goes in as a 32-bit sum of elements, which it cannot
 // take apart.
-layout(buffer_reference, scalar) readonly buffer Source { float v[]; };
+// Four floats a load rather than one: the same machine code from half the front end's and LLVM's time.
+layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Source { float v[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Quads { vec4 v[]; };
+
+// LX neighbours from `address`.
+float load_row(uint64_t address) {
+    Quads source = Quads(address);
+    float value = source.v[0].x;
+    [[unroll]] for (int k = 1; k < LX; ++k) {
+        const float next = source.v[k / 4][k % 4];
+        value = gl_SubgroupInvocationID == k ? next : value;
+    }
+    return value;
+}
 
 // Every `stride`-th float from element `at` of the memory at `address`, both uniform.
 float load_lanes(uint64_t address, uint at, int stride) {
-    Source source = Source(address + uint64_t(at) * 4ul);
+    const uint64_t first = address + uint64_t(at) * 4ul;
+    if (stride == 1) {
+        return load_row(first);
+    }
+    Source source = Source(first);
     float value = source.v[0];
     [[unroll]] for (int k = 1; k < LX; ++k) {
         const float next = source.v[k * stride];

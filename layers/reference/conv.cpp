@@ -95,7 +95,7 @@ Trial make_trial(Device& device, const ConvCase& c, CaseRandom random, ConvFamil
     Program& program = *trial.program;
 
     const uint32_t block =
-        family == ConvFamily::lane ? channel_block(device.info()) : kConvTileBlock;
+        family == ConvFamily::tile ? kConvTileBlock : channel_block(device.info());
     const uint32_t in_height = c.transposed ? (c.height + 1) / 2 : c.height;
     const uint32_t in_width = c.transposed ? (c.width + 1) / 2 : c.width;
     const uint32_t out_height = c.transposed ? c.height : (c.height + c.stride - 1) / c.stride;
@@ -115,21 +115,30 @@ Trial make_trial(Device& device, const ConvCase& c, CaseRandom random, ConvFamil
     std::vector<Tensor> tensors;
     std::vector<std::vector<float>> memory;
     for (size_t i = 0; i < c.inputs.size(); ++i) {
-        const Layout layout{c.inputs[i], in_height, in_width, i < c.planar ? 1 : block, 2};
+        const Layout layout =
+            family == ConvFamily::row
+                ? conv_layout(device.info(), family, c.inputs[i], in_height, in_width, 2)
+                : Layout{c.inputs[i], in_height, in_width, i < c.planar ? 1 : block, 2};
         const auto dense = random.values(size_t{c.inputs[i]} * in_height * in_width, -1, 1);
         std::ranges::copy(dense, all.begin() + static_cast<std::ptrdiff_t>(size_t{maps[i].front()} *
                                                                            in_height * in_width));
         tensors.push_back(program.input(layout));
         memory.push_back(from_dense(layout, dense));
     }
-    const Layout out_layout{c.out, out_height, out_width, block, 1};
+    Layout out_layout{c.out, out_height, out_width, block, 1};
+    if (family == ConvFamily::row) {
+        out_layout = conv_layout(device.info(), family, c.out, out_height, out_width, 1);
+    }
     trial.output = program.output(out_layout);
     program.clear(trial.output);
     std::optional<Tensor> residual;
     std::vector<float> residual_dense;
     if (c.residual) {
         residual_dense = random.values(size_t{c.out} * out_height * out_width, -1, 1);
-        const Layout layout{c.out, out_height, out_width, block, 0};
+        // The row family takes any; by rows where inputs are not said to be planar.
+        const Layout layout = family == ConvFamily::row && c.planar == 0
+                                  ? conv_layout(device.info(), family, c.out, out_height, out_width)
+                                  : Layout{c.out, out_height, out_width, block, 0};
         residual = program.input(layout);
     }
     trial.first_step = program.steps();
@@ -163,19 +172,26 @@ Trial make_trial(Device& device, const ConvCase& c, CaseRandom random, ConvFamil
 Trial conv_trial(Device& device, uint32_t trial) {
     const auto small = static_cast<uint32_t>(small_convs().size());
     return make_trial(device,
-                      trial < small ? small_convs()[trial]
-                                    : network_convs(channel_block(device.info())).at(trial - small),
+                      trial < small ? small_convs()[trial] : network_convs().at(trial - small),
                       CaseRandom(trial), conv_family(device.info()));
 }
 
 Trial conv_tile_trial(Device& device, uint32_t trial) {
     const auto small = static_cast<uint32_t>(small_convs().size());
-    // Of the networks' a few: where this is the device's family, `conv` has them all.
-    constexpr std::array<size_t, 3> kChosen = {2, 16, 17};
+    // Of the networks' a few: where this is the device's family, `conv` and `conv_row` have all.
+    constexpr std::array<size_t, 3> kChosen = {2, 9, 11};
     return make_trial(device,
                       trial < small ? small_convs()[trial]
-                                    : network_convs(kConvTileBlock).at(kChosen.at(trial - small)),
+                                    : network_row_convs().at(kChosen.at(trial - small)),
                       CaseRandom(trial), ConvFamily::tile);
+}
+
+Trial conv_row_trial(Device& device, uint32_t trial) {
+    const auto small = static_cast<uint32_t>(small_row_convs().size());
+    const ConvCase conv =
+        trial < small ? small_row_convs()[trial] : network_row_convs().at(trial - small);
+    return make_trial(device, conv, CaseRandom(trial),
+                      row_family(device.info(), std::array{conv.out}));
 }
 
 Trial conv_plane_trial(Device& device, uint32_t index) {

@@ -45,7 +45,7 @@ private:
     std::vector<ConvCase> convs_;
 };
 
-void collect_fusion(Collector& add, uint32_t block) {
+void collect_fusion(Collector& add) {
     const FusionWidths widths{SafeTensors(find_model("fusion"))};
     const auto [a, b, c, d] = widths.trunk;
     add.add(1, {.stride = 2, .inputs = {anchor_count, anchor_count}, .out = a, .planar = 2});
@@ -59,8 +59,7 @@ void collect_fusion(Collector& add, uint32_t block) {
     add.up(8, {d}, c, 3, true);
     add.up(4, {c}, b, 3, true);
     const auto [x, y, z] = widths.head;
-    const uint32_t features = fusion_basis_layout({z, 1, 1, block}).channels;
-    add.add(4, {.inputs = {b}, .out = features, .relu = false});
+    add.add(4, {.inputs = {b}, .out = fusion_basis * z, .relu = false});
     add.add(1, {.kernel = 5, .stride = 2, .inputs = {plane_count}, .out = y, .planar = 1});
     add.down(2, y, z, 3, true);
     add.plain(4, z);
@@ -124,9 +123,35 @@ const std::vector<ConvCase>& small_convs() {
     return all;
 }
 
-std::vector<ConvCase> network_convs(uint32_t block) {
+const std::vector<ConvCase>& small_row_convs() {
+    static const std::vector<ConvCase> all = {
+        {3, 1, false, {9}, 32, 6, 43, true, true, false},
+        {3, 1, false, {3}, 4, 7, 9, false, true, true},
+        {3, 1, false, {40, 24}, 12, 5, 17, true, true, true},
+        {3, 1, false, {1}, 8, 1, 1, true, false, false},
+        {3, 1, false, {70}, 8, 3, 8, true, true, true, 1},
+        {3, 2, false, {20}, 12, 1, 1, true, false, false},
+        {3, 2, false, {8}, 8, 13, 11, false, false, true},
+        {3, 2, false, {5, 60}, 4, 6, 34, true, true, true, 1},
+        {5, 2, false, {24}, 8, 11, 43, true, true, false},
+        {5, 2, false, {7}, 16, 8, 22, false, true, true},
+        {3, 2, true, {8}, 8, 7, 6, true, false, true},
+        {3, 2, true, {34, 60}, 12, 9, 43, false, true, false},
+        {3, 2, true, {16}, 4, 1, 1, true, true, true, 1},
+        {5, 2, true, {12}, 8, 10, 12, false, false, false},
+        {5, 2, true, {33}, 4, 5, 21, true, true, true},
+    };
+    return all;
+}
+
+std::vector<ConvCase> network_row_convs() {
     Collector collector;
-    collect_fusion(collector, block);
+    collect_fusion(collector);
+    return collector.convs();
+}
+
+std::vector<ConvCase> network_convs() {
+    Collector collector;
     collect_ecir(collector);
     return collector.convs();
 }

@@ -23,9 +23,14 @@ struct ConvCase {
 /// sizes, one pixel, both tiles of the lane family, several slices and several chunks of weights.
 const std::vector<ConvCase>& small_convs();
 
-/// Those of the shipped networks `fusion` and `ecir` at 240x180, each shape once, with the widths
-/// of the weights files for a device with this channel block. Throws Error(bad_input) where these
-/// are missing.
-std::vector<ConvCase> network_convs(uint32_t block);
+/// For the row family: its kernels and strides, both numbers of channels a workgroup, one slice and
+/// several, odd sizes, one pixel, a residual by rows and in blocks.
+const std::vector<ConvCase>& small_row_convs();
+
+/// Those of the shipped networks at 240x180, each shape once, with the widths of the weights files:
+/// of `fusion`, which are of the row family, and of `ecir`. They throw Error(bad_input) where a
+/// file is missing.
+std::vector<ConvCase> network_row_convs();
+std::vector<ConvCase> network_convs();
 
 } // namespace ecir

@@ -32,14 +32,15 @@ struct Case {
 };
 
 /// The last one: as in the network.
-constexpr std::array<Case, 7> cases = {{
+constexpr std::array<Case, 8> cases = {{
     {48, 5, 7, 8, -1},
     {16, 3, 65, 16, 0.3},
     {20, 9, 4, 8, -0.7}, // the last block is not full
     {3, 1, 1, 4, 1},
     {80, 11, 33, 16, 0},
     {1, 2, 130, 8, 0.9},
-    {48, 45, 60, 0, 0.3},
+    {12, 5, 9, 1, 0.2},
+    {48, 45, 60, 1, 0.3},
 }};
 
 } // namespace
