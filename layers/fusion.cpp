@@ -298,7 +298,7 @@ void FusionMethod::record(Program& program, uint32_t frames, uint32_t capacity) 
                            events_.positives, blurry_,      threshold_input_};
 
     PriorExposure exposure;
-    const Layout images = trunk_.exposure_layout(device_->info(), height_, width_);
+    const Layout images = networks_->trunk.exposure_layout(device_->info(), height_, width_);
     exposure.anchors = cleared(program, images);
     exposure.context = cleared(program, images);
     exposure.base = program.temporary({1, height_, width_});
@@ -316,7 +316,7 @@ void FusionMethod::record_corrected_frames(Program& program, const PriorInput& i
                                            const PriorExposure& exposure) const {
     const Tensor velocity = program.temporary(motion_layout(height_, width_));
     const Tensor channels =
-        cleared(program, trunk_.velocity_layout(device_->info(), height_, width_));
+        cleared(program, networks_->trunk.velocity_layout(device_->info(), height_, width_));
     record_motion(program, exposure.logarithms, velocity, channels);
     const Tensor features = networks_->trunk.record(program, exposure, channels);
 
