@@ -272,7 +272,9 @@ TEST_SUITE("regions") {
             for (const Scene& scene : scenes) {
                 expected.push_back(one.frames(scene.blurry, scene.events.view(), kExposure,
                                               std::vector{0.5, -0.5}));
-                CHECK(one.windows().size() == (&scene == &two ? 2 : 1));
+                // E-CIR's context leaves no room between the two.
+                const bool apart = &scene == &two && options.model == "edi";
+                CHECK(one.windows().size() == (apart ? 2 : 1));
             }
             Deblur deblur(device, options, 288, 224);
             const uint64_t pixels = 288 * 224;
