@@ -64,8 +64,9 @@ public:
     /// events.
     [[nodiscard]] std::optional<EdiThresholds> thresholds() const { return thresholds_; }
 
-    /// Pixels of the frame finished last with more events than a fusion network takes
-    /// (prior_busy_events), to which they were pixels without events. 0 for the other models.
+    /// Pixels of the frame finished last with more events than a network takes
+    /// (prior_busy_events), to which they were pixels without events. 0 for `edi`, eSL-Net and the
+    /// `release` variant of E-CIR, which take them all.
     [[nodiscard]] size_t ignored_pixels() const { return ignored_pixels_; }
 
     /// Floating-point operations of the kernels for one frame, of as many times as the last; 0

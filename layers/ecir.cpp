@@ -5,6 +5,7 @@
 #include "layers/curve.hpp"
 #include "layers/keypoints.hpp"
 #include "layers/operations.hpp"
+#include "layers/prior.hpp"
 #include "runtime/error.hpp"
 
 namespace ecir {
@@ -15,6 +16,18 @@ constexpr uint32_t kMostIterations = 1000;
 
 [[noreturn]] void fail(const SafeTensors& weights, const std::string& what) {
     throw Error(ExitCode::bad_input, "weights file " + weights.path().string() + ": " + what);
+}
+
+/// The events of pixels that prior_busy_pixels() does not count; `packed` holds them all.
+Events without_busy_pixels(const EventView& events, const PackedEvents& packed, uint32_t width) {
+    Events quiet;
+    for (size_t i = 0; i < events.size(); ++i) {
+        const size_t pixel = size_t{events.y[i]} * width + events.x[i];
+        if (packed.offset[pixel + 1] - packed.offset[pixel] <= prior_busy_events) {
+            quiet.push_back(events.t[i], events.x[i], events.y[i], events.p[i]);
+        }
+    }
+    return quiet;
 }
 
 /// The ranges as the kernel reads them: begin, end, begin, end, ...
@@ -47,8 +60,9 @@ EcirConfig::EcirConfig(const SafeTensors& weights)
 EcirMethod::EcirMethod(std::shared_ptr<Device> device, const SafeTensors& weights, uint32_t height,
                        uint32_t width, std::optional<uint32_t> refine)
     : device_(std::move(device)), config_(weights),
-      unet_(*device_, weights, config_.bins, config_.keypoints), refinement_(*device_, weights),
-      height_(height), width_(width), iterations_(refine.value_or(config_.iterations)) {}
+      unet_(*device_, weights, config_.bins, config_.keypoints),
+      refinement_(*device_, weights, !config_.release), height_(height), width_(width),
+      iterations_(refine.value_or(config_.iterations)) {}
 
 void EcirMethod::record(Program& program, uint32_t frames, uint32_t capacity) {
     const uint32_t block = channel_block(device_->info());
@@ -105,6 +119,15 @@ FrameFacts EcirMethod::begin(const FrameInput& input) {
         program_.prepare(*device_, count, input.events.size(),
                          [&](Program& made, uint32_t capacity) { record(made, count, capacity); });
     PackedEvents packed = pack_events(input.events, input.exposure, width_, height_);
+    // Counts far over any that it was trained on would reach all of the frame through the U-Net.
+    const size_t busy = config_.release ? 0 : prior_busy_pixels(packed);
+    Events quiet;
+    FrameInput seen = input;
+    if (busy > 0) {
+        quiet = without_busy_pixels(input.events, packed, width_);
+        seen.events = quiet.view();
+        packed = pack_events(seen.events, seen.exposure, width_, height_);
+    }
     const KeypointRule rule = config_.release ? release_keypoint_rule(packed, config_.keypoints)
                                               : paper_keypoint_rule(packed, config_.keypoints);
     if (config_.release) {
@@ -116,11 +139,11 @@ FrameFacts EcirMethod::begin(const FrameInput& input) {
     const uint32_t intervals_count = config_.bins / 2;
     const auto edges = config_.release ? linspace_edges(config_.span, intervals_count)
                                        : even_edges(intervals_count);
-    program.write(input_intervals_, flat(intervals(input, edges)));
-    program.write(frame_intervals_, flat(intervals(input, input.times)));
+    program.write(input_intervals_, flat(intervals(seen, edges)));
+    program.write(frame_intervals_, flat(intervals(seen, seen.times)));
     program.write(matrix_, curve_matrix(config_.keypoints, input.times));
     program_.submit(output_);
-    return {};
+    return {std::nullopt, busy};
 }
 
 } // namespace ecir

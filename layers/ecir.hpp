@@ -22,7 +22,7 @@ struct EcirConfig {
 };
 
 /// The system of the paper (figure 3): histogram and keypoints of the events, U-Net, curve,
-/// refinement.
+/// refinement. `paper` takes pixels of over prior_busy_events events as without.
 class EcirMethod : public Method {
 public:
     /// `refine` replaces the trained number of iterations; 0 gives the initialisation alone.

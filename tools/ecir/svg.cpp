@@ -127,9 +127,21 @@ std::vector<Scale::Tick> Scale::ticks(int count) const {
 
 std::string Axes::draw(const std::string& x_label, const std::string& y_label) const {
     std::string text;
-    for (const auto& [value, label] : x_.ticks(8)) {
+    const auto places = x_.ticks(8);
+    // Labels that would run into one another go downwards.
+    size_t longest = 0;
+    for (const auto& place : places) {
+        longest = std::max(longest, place.label.size());
+    }
+    const double wide = letter * static_cast<double>(longest);
+    const bool slanted = x_.spread == Spread::listed &&
+                         (wide + 6) * static_cast<double>(places.size()) > box_.right - box_.left;
+    for (const auto& [value, label] : places) {
         text += line(x(value), box_.top, x(value), box_.bottom, "stroke='#e4e4e4'");
-        text += text_at(x(value), box_.bottom + 17, label, "text-anchor='middle'");
+        text += slanted ? text_at(0, 0, label,
+                                  "text-anchor='end' transform='translate(" + number(x(value) + 4) +
+                                      " " + number(box_.bottom + 15) + ") rotate(-40)'")
+                        : text_at(x(value), box_.bottom + 17, label, "text-anchor='middle'");
     }
     for (const auto& [value, label] : y_.ticks(6)) {
         text += line(box_.left, y(value), box_.right, y(value), "stroke='#e4e4e4'");
@@ -137,8 +149,8 @@ std::string Axes::draw(const std::string& x_label, const std::string& y_label) c
     }
     text += line(box_.left, box_.bottom, box_.right, box_.bottom, "stroke='#444'");
     text += line(box_.left, box_.top, box_.left, box_.bottom, "stroke='#444'");
-    text +=
-        text_at((box_.left + box_.right) / 2, box_.bottom + 38, x_label, "text-anchor='middle'");
+    text += text_at((box_.left + box_.right) / 2, box_.bottom + (slanted ? 24 + 0.7 * wide : 38),
+                    x_label, "text-anchor='middle'");
     return text + text_at(0, 0, y_label,
                           "text-anchor='middle' transform='translate(" + number(box_.left - 52) +
                               " " + number((box_.top + box_.bottom) / 2) + ") rotate(-90)'");

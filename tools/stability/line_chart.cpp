@@ -85,7 +85,8 @@ std::string draw_series(const Result& result, const std::string& name, const svg
     std::string marks;
     std::string lines;
     const auto end_line = [&] {
-        if (!points.empty()) {
+        // Kinds have no between.
+        if (!points.empty() && result.sweep.labels.empty()) {
             lines += svg::polyline(points, look.stroke());
         }
         points.clear();
@@ -156,7 +157,8 @@ std::string line_chart(const Result& result, const std::string& where) {
     }
     text += cross(kLegend + 12, y, "#555") +
             svg::text_at(kLegend + 32, y + 4, "fails there", "fill='#555'");
-    return svg::document(kWidth, kHeight, result.sweep.title, where, text);
+    return svg::document(kWidth, kHeight + (result.sweep.labels.empty() ? 0 : 80),
+                         result.sweep.title, where, text);
 }
 
 } // namespace ecir::stability
