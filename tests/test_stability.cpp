@@ -200,6 +200,32 @@ TEST_SUITE("stability") {
         CHECK(std::ranges::is_sorted(folded.t));
     }
 
+    TEST_CASE("signs of a frame and its events, by hand") {
+        Capture made{4,  2, {0, 0.5F, 0.98F, 1, 0.5F, 0.5F, 0.5F, 0.02F}, {}, {0, 1'000'000},
+                     {}, {}};
+        made.events.push_back(0, 0, 0, 1);       // unsupported
+        made.events.push_back(10'000, 1, 1, 1);  // beside it, 10 ms later
+        made.events.push_back(20'000, 1, 1, 1);  // (0, 0) within 50 ms
+        made.events.push_back(20'000, 3, 0, 0);  // far from both
+        made.events.push_back(500'000, 0, 0, 1); // too late
+        made.events.push_back(2'000'000, 0, 0, 1);
+        const Signs signs = signs_of(made);
+        const auto value = [&](const std::string& name) {
+            return std::ranges::find(signs, name, &Signs::value_type::first)->second;
+        };
+        CHECK(value("saturated") == 0.25);
+        CHECK(value("dark") == 0.25);
+        CHECK(value("events a pixel") == 5.0 / 8);
+        CHECK(value("active") == 3.0 / 8);
+        CHECK(value("busiest pixel") == 2);
+        CHECK(value("balance") == doctest::Approx(0.6));
+        CHECK(value("same time") == doctest::Approx(0.4));
+        CHECK(value("fullest") == doctest::Approx(0.4));
+        CHECK(value("empty") == doctest::Approx(0.97));
+        CHECK(value("100 Hz") == doctest::Approx(0.6)); // all at whole periods
+        CHECK(value("unsupported") == doctest::Approx(0.6));
+    }
+
     TEST_CASE("every form of the curve is the exact one where n is small and keypoints are even") {
         const Knots knots{{-1, -0.3F, 0.4F, 1}, {1, -2, 0.5F, 3}};
         const std::vector<float> times = {-1, -0.6F, 0, 0.3F, 1};

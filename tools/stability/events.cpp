@@ -153,7 +153,7 @@ std::vector<Sweep> event_sweeps() {
     once.values = {0, 0.1, 0.25, 0.5, 0.75, 0.9, 1};
     once.quick = {0, 1};
     once.safe = "finite frames; the mean stays the blurry frame's";
-    once.promises = {{"fusion", 0, 0.25}, {"edi", 0, 0.25}};
+    once.promises = {{"", 0, 0.9}};
     sweeps.push_back(against_blurry(once, at_once));
 
     Sweep sign{.name = "events-one-sign",
@@ -163,7 +163,7 @@ std::vector<Sweep> event_sweeps() {
     sign.quick = {0, 1};
     sign.safe = "finite frames; the estimate gives the signs thresholds of their own, as far as "
                 "the missing ones allow";
-    sign.promises = {{"fusion", 0, 0.25}, {"edi", 0, 0.1}};
+    sign.promises = {{"", 0, 0.5}};
     sweeps.push_back(against_blurry(sign, one_sign));
 
     Sweep borders{.name = "events-borders",
@@ -174,7 +174,7 @@ std::vector<Sweep> event_sweeps() {
     borders.values = {200, 40, 20, 18, 9, 4, 2};
     borders.quick = {20, 9};
     borders.safe = "borders are compared in whole microseconds, each event belongs to one interval";
-    borders.promises = {{"", 9, 200}};
+    borders.promises = {{"", 2, 200}};
     sweeps.push_back(against_blurry(borders, at_borders));
 
     Sweep clock{.name = "events-clock",

@@ -148,8 +148,10 @@ std::string line_chart(const Result& result, const std::string& where) {
         }
         const bool reference = first->reference;
         constexpr const char* greys[] = {"#111", "#888", "#bbb"};
-        const Look look{reference ? greys[references++ % 3]
-                                  : svg::colours.at(methods++ % svg::colours.size()),
+        const bool bound = name.starts_with("fails");
+        const Look look{bound       ? "#b00020"
+                        : reference ? greys[references++ % 3]
+                                    : svg::colours.at(methods++ % svg::colours.size()),
                         reference};
         text += draw_series(result, name, axes, look);
         text += legend(name, y, look);

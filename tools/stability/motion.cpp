@@ -62,7 +62,7 @@ std::vector<Sweep> motion_sweeps() {
     way.values = {0, 1, 2, 5, 10, 20, 40, 80, 120, 200};
     way.quick = {0, 12};
     way.safe = "without motion or events the frames are the blurry one";
-    way.promises = {{"fusion", 0, 200}, {"edi", 0, 120}};
+    way.promises = {{"", 0, 200}};
     sweeps.push_back(against_blurry(way, travel));
 
     Sweep turning{.name = "motion-reversals",
@@ -72,7 +72,7 @@ std::vector<Sweep> motion_sweeps() {
     turning.quick = {2};
     turning.safe = "fusion has motion of its own between nine moments, EDI none; ecir's polynomial "
                    "follows as many turns as it has keypoints for";
-    turning.promises = {{"fusion", 0, 4}, {"edi", 0, 8}};
+    turning.promises = {{"", 0, 8}};
     sweeps.push_back(against_blurry(turning, reversals));
 
     Sweep turn{.name = "motion-rotation",
@@ -81,7 +81,7 @@ std::vector<Sweep> motion_sweeps() {
     turn.values = {0, 1, 2, 5, 10, 20, 45, 90};
     turn.quick = {10};
     turn.safe = "motion is estimated pixel by pixel, so a rotation is like any other";
-    turn.promises = {{"fusion", 0, 90}, {"edi", 0, 45}};
+    turn.promises = {{"", 0, 90}};
     sweeps.push_back(against_blurry(turn, rotation));
 
     Sweep covered{.name = "motion-occlusion",
@@ -90,7 +90,7 @@ std::vector<Sweep> motion_sweeps() {
     covered.values = {0, 0.05, 0.1, 0.2, 0.4, 0.6, 0.8};
     covered.quick = {0.2};
     covered.safe = "where motion finds no match the network falls back to the pixel's own events";
-    covered.promises = {{"fusion", 0, 0.8}, {"edi", 0, 0.6}};
+    covered.promises = {{"", 0, 0.8}};
     sweeps.push_back(against_blurry(covered, occlusion));
 
     Sweep passing{.name = "motion-crossing",
@@ -99,7 +99,7 @@ std::vector<Sweep> motion_sweeps() {
     passing.values = {1, 0.7, 0.5, 0.3, 0.2, 0.1, 0.05};
     passing.quick = {0.5};
     passing.safe = "as for occlusion; the faster it passes, the more events in a shorter time";
-    passing.promises = {{"fusion", 0.2, 1}, {"edi", 0.2, 1}};
+    passing.promises = {{"", 0.05, 1}};
     sweeps.push_back(against_blurry(passing, crossing));
     return sweeps;
 }

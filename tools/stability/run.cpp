@@ -145,6 +145,9 @@ nlohmann::ordered_json to_json(const Result& result) {
             const bool known = sample != nullptr && std::isfinite(sample->value);
             line["values"].push_back(known ? nlohmann::ordered_json(sample->value) : nullptr);
             line["failed"].push_back(sample != nullptr && sample->failed);
+            for (const auto& [sign, value] : sample == nullptr ? Signs{} : sample->signs) {
+                line["signs"][sign].push_back(value);
+            }
             line["reference"] = sample != nullptr && sample->reference;
         }
         const Failure found = failure(result, series);

@@ -122,7 +122,7 @@ std::vector<Sweep> sensor_sweeps() {
     told.safe =
         "finite frames whose mean stays the blurry frame; leaving --threshold out estimates "
         "it; ecir takes none";
-    told.promises = {{"fusion", 0.5, 1.7}, {"edi", 0.5, 1.4}};
+    told.promises = {{"", 0.5, 2}};
     sweeps.push_back(against_blurry(told, threshold_told));
 
     Sweep true_threshold{.name = "sensor-threshold",
@@ -131,7 +131,7 @@ std::vector<Sweep> sensor_sweeps() {
     true_threshold.values = {0.05, 0.1, 0.14, 0.2, 0.28, 0.4, 0.6, 1};
     true_threshold.quick = {0.1, 0.4};
     true_threshold.safe = "EDI and fusion estimate it from the frame and its events";
-    true_threshold.promises = {{"fusion", 0.05, 0.4}, {"edi", 0.05, 0.4}};
+    true_threshold.promises = {{"", 0.05, 1}};
     sweeps.push_back(against_blurry(true_threshold, threshold));
 
     Sweep signs{.name = "sensor-signs",
@@ -140,7 +140,7 @@ std::vector<Sweep> sensor_sweeps() {
     signs.values = {0.5, 0.7, 0.85, 1, 1.2, 1.4, 2};
     signs.quick = {0.5, 2};
     signs.safe = "the estimate gives each sign its own threshold";
-    signs.promises = {{"fusion", 0.5, 2}, {"edi", 0.5, 2}};
+    signs.promises = {{"", 0.5, 2}};
     sweeps.push_back(against_blurry(signs, signs_apart));
 
     Sweep spread{.name = "sensor-pattern",
@@ -149,7 +149,7 @@ std::vector<Sweep> sensor_sweeps() {
     spread.values = {0, 0.05, 0.1, 0.2, 0.3, 0.5};
     spread.quick = {0.3};
     spread.safe = "the frame's own mean holds each pixel; fusion's network evens out the rest";
-    spread.promises = {{"fusion", 0, 0.3}, {"edi", 0, 0.2}};
+    spread.promises = {{"", 0, 0.5}};
     sweeps.push_back(against_blurry(spread, pattern));
 
     Sweep dead_time{.name = "sensor-refractory",
@@ -158,7 +158,7 @@ std::vector<Sweep> sensor_sweeps() {
     dead_time.values = {0, 100, 300, 1000, 3000, 10000, 30000};
     dead_time.quick = {0, 1000};
     dead_time.safe = "events lost at strong edges look like higher thresholds to the estimate";
-    dead_time.promises = {{"fusion", 0, 1000}, {"edi", 0, 1000}};
+    dead_time.promises = {{"", 0, 30000}};
     sweeps.push_back(against_blurry(dead_time, refractory));
 
     Sweep dead_pixels{.name = "sensor-dead",
@@ -168,7 +168,7 @@ std::vector<Sweep> sensor_sweeps() {
     dead_pixels.quick = {0.1};
     dead_pixels.safe =
         "such a pixel keeps the blurry value, which the networks fill from beside it";
-    dead_pixels.promises = {{"fusion", 0, 0.9}, {"edi", 0, 0.9}};
+    dead_pixels.promises = {{"", 0, 0.9}};
     sweeps.push_back(against_blurry(dead_pixels, dead));
 
     Sweep hot_pixels{.name = "sensor-hot",
@@ -177,7 +177,7 @@ std::vector<Sweep> sensor_sweeps() {
     hot_pixels.values = {0, 0.001, 0.003, 0.01, 0.03, 0.1, 0.3};
     hot_pixels.quick = {0.01};
     hot_pixels.safe = "finite frames; the harm stays at the pixels and their neighbours";
-    hot_pixels.promises = {{"fusion", 0, 0.01}, {"edi", 0, 0.003}};
+    hot_pixels.promises = {{"fusion", 0, 0.3}, {"edi", 0, 0.1}, {"ecir", 0, 0.3}};
     sweeps.push_back(against_blurry(hot_pixels, hot));
 
     Sweep noisy{.name = "sensor-noise",
@@ -186,7 +186,7 @@ std::vector<Sweep> sensor_sweeps() {
     noisy.values = {0, 0.1, 0.25, 0.5, 0.75, 1, 2};
     noisy.quick = {0, 0.5};
     noisy.safe = "finite frames; the estimate lowers the thresholds, fusion's network sees noise";
-    noisy.promises = {{"fusion", 0, 0.5}, {"edi", 0, 0.1}};
+    noisy.promises = {{"fusion", 0, 2}, {"edi", 0, 1}, {"ecir", 0, 2}};
     sweeps.push_back(against_blurry(noisy, noise));
 
     Sweep bus{.name = "sensor-bus",
@@ -195,7 +195,7 @@ std::vector<Sweep> sensor_sweeps() {
     bus.values = {0, 0.1, 0.25, 0.5, 0.75, 0.9};
     bus.quick = {0.25};
     bus.safe = "finite frames; lost events look like higher thresholds to the estimate";
-    bus.promises = {{"fusion", 0, 0.5}, {"edi", 0, 0.25}};
+    bus.promises = {{"", 0, 0.75}};
     sweeps.push_back(against_blurry(bus, dropped));
 
     Sweep delay{.name = "sensor-late",
@@ -204,7 +204,7 @@ std::vector<Sweep> sensor_sweeps() {
     delay.values = {-10, -5, -2, -1, 0, 1, 2, 5, 10, 20, 40};
     delay.quick = {0, 5};
     delay.safe = "finite frames; the scene is then sharp but displaced by the motion in the delay";
-    delay.promises = {{"fusion", -5, 5}, {"edi", -5, 5}};
+    delay.promises = {{"", -10, 10}};
     sweeps.push_back(against_blurry(delay, late));
     return sweeps;
 }

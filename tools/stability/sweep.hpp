@@ -8,6 +8,7 @@
 #include "layers/deblur.hpp"
 #include "tools/ecir/svg.hpp"
 #include "tools/stability/capture.hpp"
+#include "tools/stability/signs.hpp"
 
 /// Sweeps of one condition each: where every method, or every form of a computation, begins to
 /// fail, and that what ecir does there is safe.
@@ -39,6 +40,7 @@ struct Sample {
     bool finite = true;     ///< what it was computed from
     bool refused = false;   ///< an Error with the code for bad input or wrong usage
     std::string how{};      ///< how a failure shows, for a person
+    Signs signs{};          ///< of the input, where it is a scene
 };
 
 struct Axis {
