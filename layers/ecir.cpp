@@ -1,5 +1,6 @@
 #include "layers/ecir.hpp"
 
+#include <algorithm>
 #include <charconv>
 
 #include "layers/curve.hpp"
@@ -13,6 +14,7 @@ namespace {
 
 constexpr uint32_t kMostBins = 1024;
 constexpr uint32_t kMostIterations = 1000;
+constexpr float kBright = 0.5F; ///< least 99th percentile of a frame that stays as it is
 
 [[noreturn]] void fail(const SafeTensors& weights, const std::string& what) {
     throw Error(ExitCode::bad_input, "weights file " + weights.path().string() + ": " + what);
@@ -134,7 +136,10 @@ FrameFacts EcirMethod::begin(const FrameInput& input) {
         packed.time = release_times(packed);
     }
     events_.write(program, packed);
-    program.write(blurry_, from_dense(blurry_.layout(), input.blurry));
+    std::vector<float> blurry(input.blurry.begin(), input.blurry.end());
+    Brightening brightening = brighten(blurry);
+    begun_.reserve(begun_.size() + 1); // nothing may fail once the program runs
+    program.write(blurry_, from_dense(blurry_.layout(), blurry));
     program.write(rule_, std::span(reinterpret_cast<const uint32_t*>(&rule), 4));
     const uint32_t intervals_count = config_.bins / 2;
     const auto edges = config_.release ? linspace_edges(config_.span, intervals_count)
@@ -143,7 +148,41 @@ FrameFacts EcirMethod::begin(const FrameInput& input) {
     program.write(frame_intervals_, flat(intervals(seen, seen.times)));
     program.write(matrix_, curve_matrix(config_.keypoints, input.times));
     program_.submit(output_);
+    begun_.push_back(std::move(brightening));
     return {std::nullopt, busy};
+}
+
+/// Events tell of ratios, so a scene in less light has the same ones and the same frames but for a
+/// factor.
+EcirMethod::Brightening EcirMethod::brighten(std::vector<float>& blurry) const {
+    std::vector<float> values = blurry;
+    const auto percentile = values.begin() + static_cast<std::ptrdiff_t>(values.size() * 99 / 100);
+    std::ranges::nth_element(values, percentile);
+    if (config_.release || *percentile <= 0 || *percentile >= kBright) {
+        return {};
+    }
+    Brightening made{kBright / *percentile, {}};
+    made.cut.reserve(blurry.size());
+    for (float& value : blurry) {
+        const float bright = std::min(made.gain * value, 1.0F);
+        made.cut.push_back(value - bright / made.gain);
+        value = bright;
+    }
+    return made;
+}
+
+std::span<const float> EcirMethod::finish() {
+    const Brightening made = std::move(begun_.at(0));
+    begun_.erase(begun_.begin());
+    const auto frames = program_.finish();
+    if (made.gain == 1) {
+        return frames;
+    }
+    darkened_.assign(frames.begin(), frames.end());
+    for (size_t i = 0; i < darkened_.size(); ++i) {
+        darkened_[i] = darkened_[i] / made.gain + made.cut[i % made.cut.size()];
+    }
+    return darkened_;
 }
 
 } // namespace ecir

@@ -22,7 +22,8 @@ struct EcirConfig {
 };
 
 /// The system of the paper (figure 3): histogram and keypoints of the events, U-Net, curve,
-/// refinement. `paper` takes pixels of over prior_busy_events events as without.
+/// refinement. `paper` takes pixels of over prior_busy_events events as without, and brightens dark
+/// frames for the networks, which trained on few, darkening their result again.
 class EcirMethod : public Method {
 public:
     /// `refine` replaces the trained number of iterations; 0 gives the initialisation alone.
@@ -30,7 +31,7 @@ public:
                uint32_t width, std::optional<uint32_t> refine);
 
     FrameFacts begin(const FrameInput& input) override;
-    std::span<const float> finish() override { return program_.finish(); }
+    std::span<const float> finish() override;
     [[nodiscard]] double operations() const override { return program_.operations(); }
 
     [[nodiscard]] const EcirConfig& config() const { return config_; }
@@ -38,7 +39,14 @@ public:
     [[nodiscard]] std::vector<DispatchTime> profile() const { return program_.profile(); }
 
 private:
+    /// How a frame was brightened for the networks.
+    struct Brightening {
+        float gain = 1;
+        std::vector<float> cut; ///< of the blurry frame, what the gain would have taken over 1
+    };
+
     void record(Program& program, uint32_t frames, uint32_t capacity);
+    [[nodiscard]] Brightening brighten(std::vector<float>& blurry) const;
     [[nodiscard]] std::vector<IntervalRange> intervals(const FrameInput& input,
                                                        std::span<const double> edges) const;
 
@@ -51,6 +59,8 @@ private:
     uint32_t iterations_;
 
     MethodProgram program_;
+    std::vector<Brightening> begun_; ///< the oldest first
+    std::vector<float> darkened_;
     EventTensors events_;
     Tensor blurry_;
     Tensor rule_;
