@@ -177,8 +177,8 @@ Sweep against_blurry(Sweep sweep, Make make) {
     return sweep;
 }
 
-Sweep against_same(Sweep sweep, Make make, Make same,
-                   std::function<bool(const Subject&, uint32_t, uint32_t)> look) {
+Sweep against_same(Sweep sweep, const Make& make, const Make& same,
+                   const std::function<bool(const Subject&, uint32_t, uint32_t)>& look) {
     const double limit = sweep.limit.value_or(1);
     sweep.limit = limit;
     sweep.y = {"RMS difference, grey levels"};

@@ -25,7 +25,7 @@ Sweep against_blurry(Sweep sweep, Make make);
 /// Completes a sweep whose figure is how far the frames are from those of another capture, which
 /// must give the same ones: RMS in grey levels, over all pixels where `look` holds. Fails over
 /// `limit` (1 level where the sweep sets none).
-Sweep against_same(Sweep sweep, Make make, Make same,
-                   std::function<bool(const Subject&, uint32_t x, uint32_t y)> look = {});
+Sweep against_same(Sweep sweep, const Make& make, const Make& same,
+                   const std::function<bool(const Subject&, uint32_t x, uint32_t y)>& look = {});
 
 } // namespace ecir::stability

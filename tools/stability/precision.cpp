@@ -12,7 +12,7 @@ namespace ecir::stability {
 namespace {
 
 struct Stage {
-    const char* label;
+    const char* label = "";
     Border border = Border::none;
     EdiBorder edi = EdiBorder::none;
 };

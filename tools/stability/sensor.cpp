@@ -14,8 +14,8 @@ namespace {
 std::vector<bool> chosen(const Subject& subject, double share, uint64_t stream) {
     sim::Random random(subject.seed, stream);
     std::vector<bool> pixels(size_t{subject.width} * subject.height);
-    for (size_t i = 0; i < pixels.size(); ++i) {
-        pixels[i] = random.uniform() <= share && share > 0;
+    for (auto&& pixel : pixels) {
+        pixel = random.uniform() <= share && share > 0;
     }
     return pixels;
 }
