@@ -119,7 +119,8 @@ Deblur::Model Deblur::make_model(const std::string& name) const {
     return {.method =
                 std::make_unique<EcirMethod>(device_, weights, height_, width_, options.refine),
             .rule = {kEcirContext, kFade},
-            .local = !config.release};
+            .local = !config.release,
+            .ignores_busy_pixels = !config.release};
 }
 
 Deblur::Deblur(std::shared_ptr<Device> device, const DeblurOptions& options, uint32_t width,

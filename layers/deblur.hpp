@@ -83,8 +83,9 @@ public:
     /// events.
     [[nodiscard]] std::optional<EdiThresholds> thresholds() const { return thresholds_; }
 
-    /// Pixels of the frame finished last with more events than a fusion network takes
-    /// (prior_busy_events), to which they were pixels without events. 0 for the other models.
+    /// Pixels of the frame finished last with more events than a network takes
+    /// (prior_busy_events), to which they were pixels without events. 0 for `edi`, eSL-Net and the
+    /// `release` variant of E-CIR, which take them all.
     [[nodiscard]] size_t ignored_pixels() const { return ignored_pixels_; }
 
     /// Share of the image that moved in the frame finished last, 0 to 1: of the cells that

@@ -1,10 +1,12 @@
 #include "layers/ecir.hpp"
 
+#include <algorithm>
 #include <charconv>
 
 #include "layers/curve.hpp"
 #include "layers/keypoints.hpp"
 #include "layers/operations.hpp"
+#include "layers/prior.hpp"
 #include "runtime/error.hpp"
 
 namespace ecir {
@@ -12,9 +14,22 @@ namespace {
 
 constexpr uint32_t kMostBins = 1024;
 constexpr uint32_t kMostIterations = 1000;
+constexpr float kBright = 0.5F; ///< least 99th percentile of a frame that stays as it is
 
 [[noreturn]] void fail(const SafeTensors& weights, const std::string& what) {
     throw Error(ExitCode::bad_input, "weights file " + weights.path().string() + ": " + what);
+}
+
+/// The events of pixels that prior_busy_pixels() does not count; `packed` holds them all.
+Events without_busy_pixels(const EventView& events, const PackedEvents& packed, uint32_t width) {
+    Events quiet;
+    for (size_t i = 0; i < events.size(); ++i) {
+        const size_t pixel = size_t{events.y[i]} * width + events.x[i];
+        if (packed.offset[pixel + 1] - packed.offset[pixel] <= prior_busy_events) {
+            quiet.push_back(events.t[i], events.x[i], events.y[i], events.p[i]);
+        }
+    }
+    return quiet;
 }
 
 /// The ranges as the kernel reads them: begin, end, begin, end, ...
@@ -49,7 +64,7 @@ EcirMethod::EcirMethod(std::shared_ptr<Device> device, const SafeTensors& weight
     : device_(std::move(device)), config_(weights),
       networks_(std::make_shared<const Networks>(
           Networks{UNet(*device_, weights, config_.bins, config_.keypoints),
-                   Refinement(*device_, weights)})),
+                   Refinement(*device_, weights, !config_.release)})),
       height_(height), width_(width), iterations_(refine.value_or(config_.iterations)) {}
 
 EcirMethod::EcirMethod(std::shared_ptr<Device> device, const EcirConfig& config,
@@ -118,21 +133,67 @@ void EcirMethod::begin(const FrameInput& input) {
         program_.prepare(*device_, count, input.events.size(),
                          [&](Program& made, uint32_t capacity) { record(made, count, capacity); });
     PackedEvents packed = pack_events(input.events, input.exposure, width_, height_);
+    // Counts far over any that it was trained on would reach all of the frame through the U-Net.
+    const size_t busy = config_.release ? 0 : prior_busy_pixels(input.events, width_, height_);
+    Events quiet;
+    FrameInput seen = input;
+    if (busy > 0) {
+        quiet = without_busy_pixels(input.events, packed, width_);
+        seen.events = quiet.view();
+        packed = pack_events(seen.events, seen.exposure, width_, height_);
+    }
     const KeypointRule rule = config_.release ? release_keypoint_rule(packed, config_.keypoints)
                                               : paper_keypoint_rule(packed, config_.keypoints);
     if (config_.release) {
         packed.time = release_times(packed);
     }
     events_.write(program, packed);
-    program.write(blurry_, from_dense(blurry_.layout(), input.blurry));
+    std::vector<float> blurry(input.blurry.begin(), input.blurry.end());
+    Brightening brightening = brighten(blurry);
+    begun_.reserve(begun_.size() + 1); // nothing may fail once the program runs
+    program.write(blurry_, from_dense(blurry_.layout(), blurry));
     program.write(rule_, std::span(reinterpret_cast<const uint32_t*>(&rule), 4));
     const uint32_t intervals_count = config_.bins / 2;
     const auto edges = config_.release ? linspace_edges(config_.span, intervals_count)
                                        : even_edges(intervals_count);
-    program.write(input_intervals_, flat(intervals(input, edges)));
-    program.write(frame_intervals_, flat(intervals(input, input.times)));
+    program.write(input_intervals_, flat(intervals(seen, edges)));
+    program.write(frame_intervals_, flat(intervals(seen, seen.times)));
     program.write(matrix_, curve_matrix(config_.keypoints, input.times));
     program_.submit(output_);
+    begun_.push_back(std::move(brightening));
+}
+
+/// Events tell of ratios, so a scene in less light has the same ones and the same frames but for a
+/// factor.
+EcirMethod::Brightening EcirMethod::brighten(std::vector<float>& blurry) const {
+    std::vector<float> values = blurry;
+    const auto percentile = values.begin() + static_cast<std::ptrdiff_t>(values.size() * 99 / 100);
+    std::ranges::nth_element(values, percentile);
+    if (config_.release || *percentile <= 0 || *percentile >= kBright) {
+        return {};
+    }
+    Brightening made{kBright / *percentile, {}};
+    made.cut.reserve(blurry.size());
+    for (float& value : blurry) {
+        const float bright = std::min(made.gain * value, 1.0F);
+        made.cut.push_back(value - bright / made.gain);
+        value = bright;
+    }
+    return made;
+}
+
+std::span<const float> EcirMethod::finish() {
+    const Brightening made = std::move(begun_.at(0));
+    begun_.erase(begun_.begin());
+    const auto frames = program_.finish();
+    if (made.gain == 1) {
+        return frames;
+    }
+    darkened_.assign(frames.begin(), frames.end());
+    for (size_t i = 0; i < darkened_.size(); ++i) {
+        darkened_[i] = darkened_[i] / made.gain + made.cut[i % made.cut.size()];
+    }
+    return darkened_;
 }
 
 } // namespace ecir

@@ -22,7 +22,8 @@ struct EcirConfig {
 };
 
 /// The system of the paper (figure 3): histogram and keypoints of the events, U-Net, curve,
-/// refinement.
+/// refinement. `paper` takes pixels of over prior_busy_events events as without, and brightens dark
+/// frames for the networks, which trained on few, darkening their result again.
 class EcirMethod : public Method {
 public:
     /// `refine` replaces the trained number of iterations; 0 gives the initialisation alone.
@@ -30,7 +31,7 @@ public:
                uint32_t width, std::optional<uint32_t> refine);
 
     void begin(const FrameInput& input) override;
-    std::span<const float> finish() override { return program_.finish(); }
+    std::span<const float> finish() override;
     [[nodiscard]] double operations() const override { return program_.operations(); }
     [[nodiscard]] std::unique_ptr<Method> resized(uint32_t height, uint32_t width) const override;
 
@@ -47,7 +48,14 @@ private:
     EcirMethod(std::shared_ptr<Device> device, const EcirConfig& config,
                std::shared_ptr<const Networks> networks, uint32_t height, uint32_t width,
                uint32_t iterations);
+    /// How a frame was brightened for the networks.
+    struct Brightening {
+        float gain = 1;
+        std::vector<float> cut; ///< of the blurry frame, what the gain would have taken over 1
+    };
+
     void record(Program& program, uint32_t frames, uint32_t capacity);
+    [[nodiscard]] Brightening brighten(std::vector<float>& blurry) const;
     [[nodiscard]] std::vector<IntervalRange> intervals(const FrameInput& input,
                                                        std::span<const double> edges) const;
 
@@ -59,6 +67,8 @@ private:
     uint32_t iterations_;
 
     MethodProgram program_;
+    std::vector<Brightening> begun_; ///< the oldest first
+    std::vector<float> darkened_;
     EventTensors events_;
     Tensor blurry_;
     Tensor rule_;

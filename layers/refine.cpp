@@ -1,7 +1,9 @@
 #include "layers/refine.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <cstddef>
+#include <numbers>
 
 #include "layers/conv.hpp"
 #include "layers/pixel_dispatch.hpp"
@@ -41,6 +43,7 @@ struct UpdateSizes {
     uint32_t first; ///< frame at which the origins and addresses point
     uint32_t last;  ///< d - 1
     AlphaWeights alpha;
+    float largest_step;
 };
 struct UpdatePush {
     uint32_t initial_origin;
@@ -49,7 +52,7 @@ struct UpdatePush {
     uint32_t updated_origin;
     UpdateSizes sizes;
 };
-static_assert(sizeof(UpdatePush) == 76);
+static_assert(sizeof(UpdatePush) == 80);
 struct UpdateLanePush {
     uint64_t initial_address = 0;
     uint64_t frames_address = 0;
@@ -57,8 +60,9 @@ struct UpdateLanePush {
     uint32_t updated_origin = 0;
     UpdateSizes sizes{};
     std::array<uint32_t, 8> digit{0, 1, 2, 3, 4, 5, 6, 7};
+    uint32_t spare = 0;
 };
-static_assert(sizeof(UpdateLanePush) == 120);
+static_assert(sizeof(UpdateLanePush) == 128);
 
 /// Groups of frames whose views the device can bind: those of the state are the largest. A group
 /// reads the state of one frame more.
@@ -75,6 +79,10 @@ Tensor state_view(const Tensor& state, uint32_t first, uint32_t end) {
 }
 
 } // namespace
+
+float largest_refine_step(uint32_t frames) {
+    return static_cast<float>(1 / (3 + 2 * std::cos(std::numbers::pi / frames)));
+}
 
 void record_refine_state(Program& program, const Tensor& frames, const Tensor* counts,
                          const Tensor& state) {
@@ -129,7 +137,8 @@ void record_refine_state(Program& program, const Tensor& frames, const Tensor* c
 }
 
 void record_refine_update(Program& program, const Tensor& initial, const Tensor& frames,
-                          const Tensor& state, const AlphaWeights& alpha, const Tensor& updated) {
+                          const Tensor& state, const AlphaWeights& alpha, const Tensor& updated,
+                          float largest_step) {
     const Layout& layout = frames.layout();
     const uint32_t d = layout.channels;
     const auto alike = [&](const Tensor& tensor, uint32_t channels) {
@@ -156,7 +165,8 @@ void record_refine_update(Program& program, const Tensor& initial, const Tensor&
                                 layout.width,
                                 first,
                                 d - 1,
-                                alpha};
+                                alpha,
+                                largest_step};
         Dispatch dispatch;
         if (lane) {
             const RowTiles tiles(layout.width, device.subgroup_size);

@@ -1,6 +1,7 @@
 #pragma once
 #include <array>
 #include <cstdint>
+#include <limits>
 
 #include "runtime/program.hpp"
 
@@ -39,8 +40,15 @@ void record_refine_state(Program& program, const Tensor& frames, const Tensor* c
 /// alpha_net of the published weights: 3x3 weights by rows, then the bias.
 using AlphaWeights = std::array<float, 10>;
 
+/// The largest step that never lets equation 8 with lambda = 1 grow, 1 / (3 + 2 cos(pi / d)) > 1/5:
+/// 2 over the largest eigenvalue of its Hessian 2 (I + D^T D), where D takes the differences of a
+/// pixel's d neighbouring frames. A step -A grad with any diagonal 0 <= A <= a changes the
+/// objective by -grad^T (A - A H A / 2) grad, which is not positive where a |H| <= 2, so a network
+/// may choose a step for each pixel of each frame below it.
+float largest_refine_step(uint32_t frames);
+
 /// Records one gradient step on equation 8 with lambda = 1 for all frames at once:
-///     alpha_i = 0.1 ReLU(conv3x3(L_i) + bias)     (zeros outside the image)
+///     alpha_i = min(0.1 ReLU(conv3x3(L_i) + bias), largest_step)     (zeros outside the image)
 ///     D_i     = 2 (L_i - L0_i) - 2 (L_{i-1} + R_{i-1} - L_i) [i > 0]
 ///                              + 2 (L_i + R_i - L_{i+1})     [i < d - 1]
 ///     L_i    <- L_i - alpha_i D_i
@@ -51,6 +59,7 @@ using AlphaWeights = std::array<float, 10>;
 /// All of one height and width, block 1 and halo 1. Throws Error(resources) when two frames' state
 /// exceeds what the device can bind.
 void record_refine_update(Program& program, const Tensor& initial, const Tensor& frames,
-                          const Tensor& state, const AlphaWeights& alpha, const Tensor& updated);
+                          const Tensor& state, const AlphaWeights& alpha, const Tensor& updated,
+                          float largest_step = std::numeric_limits<float>::infinity());
 
 } // namespace ecir

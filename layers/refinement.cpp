@@ -35,13 +35,13 @@ constexpr std::array<uint32_t, 1> kFrame{0};
 
 } // namespace
 
-Refinement::Refinement(Device& device, const SafeTensors& weights)
+Refinement::Refinement(Device& device, const SafeTensors& weights, bool bounded)
     : first_residual_(load(device, weights, "refine.first_res_net",
                            std::span(kPlaneOfChannel).first(refine_network_inputs - 1),
                            refine_network_inputs)),
       other_residual_(
           load(device, weights, "refine.other_res_net", kPlaneOfChannel, refine_network_inputs)),
-      polish_(load(device, weights, "refine.final", kFrame, 1)) {
+      polish_(load(device, weights, "refine.final", kFrame, 1)), bounded_(bounded) {
     std::ranges::copy(weights.get("refine.alpha_net.weight", {1, 1, 3, 3}), alpha_.begin());
     alpha_.back() = weights.get("refine.alpha_net.bias", {1}).front();
 }
@@ -60,6 +60,8 @@ void Refinement::record(Program& program, const Tensor& initial, const Tensor& c
     const Tensor state = cleared(refine_state_layout(count, frames.height, frames.width));
     const Tensor scratch = ConvPair::scratch(program, frames.height, frames.width);
 
+    const float largest =
+        bounded_ ? largest_refine_step(count) : std::numeric_limits<float>::infinity();
     Tensor current = initial;
     for (uint32_t iteration = 0; iteration < iterations; ++iteration) {
         record_refine_state(program, current, iteration == 0 && count > 1 ? &counts : nullptr,
@@ -70,7 +72,7 @@ void Refinement::record(Program& program, const Tensor& initial, const Tensor& c
                         refine_residual(state, i));
         }
         const Tensor& next = steps.at(iteration % 2);
-        record_refine_update(program, initial, current, state, alpha_, next);
+        record_refine_update(program, initial, current, state, alpha_, next, largest);
         current = next;
     }
     for (uint32_t i = 0; i < count; ++i) {

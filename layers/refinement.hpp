@@ -10,8 +10,10 @@ namespace ecir {
 /// each frame.
 class Refinement {
 public:
-    /// Throws Error(bad_input) naming the tensor that is missing or of a wrong shape.
-    Refinement(Device& device, const SafeTensors& weights);
+    /// bounded: no step is over largest_refine_step(), so the descent cannot diverge whatever the
+    /// weights (`paper`); else steps are as the network gives them (`release`). Throws
+    /// Error(bad_input) naming the tensor that is missing or of a wrong shape.
+    Refinement(Device& device, const SafeTensors& weights, bool bounded);
 
     /// initial: d frames in order of time, block 1, halo 1 (zeros); counts: 2 (d - 1) event counts
     /// between them, block 1, not looked at when d = 1; refined: d frames, block 1, its halo is not
@@ -24,6 +26,7 @@ private:
     ConvPair other_residual_;
     ConvPair polish_;
     AlphaWeights alpha_{};
+    bool bounded_;
 };
 
 } // namespace ecir

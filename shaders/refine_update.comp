@@ -3,7 +3,8 @@
 #extension GL_EXT_control_flow_attributes : require
 
 // One gradient step on equation 8 with lambda = 1 (algorithm 1, lines 13 to 15), i = first + z:
-//     alpha_i = 0.1 max(0, sum_{dy, dx} a(dy, dx) L_i(y + dy, x + dx) + bias), L_i = 0 outside the image
+//     alpha_i = min(0.1 max(0, sum_{dy, dx} a(dy, dx) L_i(y + dy, x + dx) + bias), largest_step),
+//               L_i = 0 outside the image
 //     D_i     = 2 (L_i - L0_i) - 2 (L_{i-1} + R_{i-1} - L_i) [i > 0] + 2 (L_i + R_i - L_{i+1}) [i < last]
 //     L_i    <- L_i - alpha_i D_i
 // refine_update_lane.comp is the same for drivers that run on a CPU.
@@ -32,6 +33,7 @@ layout(push_constant) uniform Push {
     uint first;
     uint last;
     float alpha[10]; // 3x3 weights by rows, bias
+    float largest_step;
 };
 
 #include "refine_step.glsl"
@@ -54,7 +56,7 @@ void main() {
     const uint after = min(last - first - z, 1);
     const uint residual = state_origin + (6 * z + 5) * plane + pixel;
     updated[updated_origin + z * plane + pixel] =
-        refine_step(sum, frames[at], initial[initial_origin + z * plane + pixel], before != 0,
+        refine_step(sum, largest_step, frames[at], initial[initial_origin + z * plane + pixel], before != 0,
                     frames[at - before * plane], state[residual], after != 0,
                     frames[at + after * plane], state[residual + after * 6 * plane]);
 }

@@ -29,7 +29,9 @@ layout(push_constant, scalar) uniform Push {
     uint first;
     uint last;
     float alpha[10];
+    float largest_step;
     uint digit[8]; // 0, 1, ..., 7
+    uint spare; // to whole 8 bytes, as in C++
 };
 
 #include "lane_load.glsl"
@@ -55,7 +57,7 @@ void main() {
         }
         const uint residual = (6 * z + 5) * plane + pixel;
         const float result = refine_step(
-            sum, load_lanes(frames_address, at, 1), load_lanes(initial_address, at, 1), before != 0,
+            sum, largest_step, load_lanes(frames_address, at, 1), load_lanes(initial_address, at, 1), before != 0,
             load_lanes(previous, at, 1), load_lanes(state_address, residual, 1), after != 0,
             load_lanes(frames_address, at + after * plane, 1),
             load_lanes(state_address, residual + after * 6 * plane, 1));

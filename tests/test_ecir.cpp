@@ -1,8 +1,11 @@
 #include <doctest/doctest.h>
 
 #include <algorithm>
+#include <cmath>
 
+#include "layers/curve.hpp"
 #include "layers/ecir.hpp"
+#include "layers/prior.hpp"
 #include "tests/fixture.hpp"
 
 // Whole networks with random weights against frames that the PyTorch network in tools/train
@@ -35,5 +38,84 @@ TEST_SUITE("ecir") {
         CHECK(std::ranges::equal(kept, method.frames(fixture.input())));
         ecir::EcirMethod again(device, fixture.file, fixture.height, fixture.width, {});
         CHECK(std::ranges::equal(kept, again.frames(fixture.input())));
+    }
+
+    TEST_CASE("paper: half the light gives half the frames, be it ever so dark") {
+        const auto device = ecir::Device::open();
+        const Fixture fixture("ecir-paper-173x131");
+        ecir::EcirMethod method(device, fixture.file, fixture.height, fixture.width, {});
+        const auto lit = [&](float light) {
+            std::vector<float> blurry = fixture.file.get("input.blurry").values;
+            std::ranges::transform(blurry, blurry.begin(), [&](float v) { return light * v; });
+            ecir::FrameInput input = fixture.input();
+            input.blurry = blurry;
+            const auto frames = method.frames(input);
+            return std::vector<float>(frames.begin(), frames.end());
+        };
+        const auto dim = lit(0.2F);
+        const auto dark = lit(0.01F);
+        float largest = 0;
+        for (size_t i = 0; i < dim.size(); ++i) {
+            largest = std::max(largest, std::abs(dim[i] - 20 * dark[i]));
+        }
+        CHECK(largest < 1e-4F);
+    }
+
+    TEST_CASE("paper: a dark frame's lamps, too, are the mean of their curves") {
+        const auto device = ecir::Device::open();
+        const Fixture fixture("ecir-paper-173x131");
+        ecir::EcirMethod method(device, fixture.file, fixture.height, fixture.width, 0);
+        std::vector<float> blurry = fixture.file.get("input.blurry").values;
+        std::ranges::transform(blurry, blurry.begin(), [](float v) { return 0.1F * v; });
+        for (size_t i = 0; i < blurry.size(); i += 500) {
+            blurry[i] = 0.9F;
+        }
+        const ecir::Quadrature rule = ecir::gauss_legendre(6); // exact for the curve, of degree 10
+        ecir::FrameInput input = fixture.input();
+        input.blurry = blurry;
+        input.times = rule.nodes;
+        const auto frames = method.frames(input);
+        double largest = 0;
+        for (size_t p = 0; p < blurry.size(); ++p) {
+            double mean = 0;
+            for (size_t f = 0; f < rule.nodes.size(); ++f) {
+                mean += 0.5 * rule.weights[f] * frames[f * blurry.size() + p];
+            }
+            largest = std::max(largest, std::abs(mean - blurry[p]));
+        }
+        CHECK(largest < 1e-5);
+    }
+
+    TEST_CASE("paper: a pixel of too many events is one without; release takes it as it is") {
+        const auto device = ecir::Device::open();
+        for (const bool release : {false, true}) {
+            CAPTURE(release);
+            const Fixture fixture(release ? "ecir-release-173x131" : "ecir-paper-173x131");
+            ecir::EcirMethod method(device, fixture.file, fixture.height, fixture.width, 0);
+            const auto with = [&](uint32_t count) { // events at (7, 7), and none of its own
+                ecir::Events events;
+                for (uint32_t i = 0; i < count; ++i) {
+                    events.push_back(fixture.exposure.start, 7, 7, 1);
+                }
+                for (size_t i = 0; i < fixture.events.size(); ++i) {
+                    if (fixture.events.x[i] != 7 || fixture.events.y[i] != 7) {
+                        events.push_back(fixture.events.t[i], fixture.events.x[i],
+                                         fixture.events.y[i], fixture.events.p[i]);
+                    }
+                }
+                ecir::FrameInput input = fixture.input();
+                input.events = events.view();
+                const size_t ignored = method.begin(input).ignored_pixels;
+                const auto frames = method.finish();
+                return std::pair(std::vector<float>(frames.begin(), frames.end()), ignored);
+            };
+            const auto none = with(0);
+            const auto most = with(ecir::prior_busy_events);
+            const auto more = with(ecir::prior_busy_events + 1);
+            CHECK(none.second + most.second == 0);
+            CHECK(most.first != none.first);
+            CHECK(more.second == (release ? 0 : 1));
+            CHECK((more.first == none.first) == !release);
+        }
     }
 }

@@ -1,6 +1,7 @@
 #include <doctest/doctest.h>
 
 #include <algorithm>
+#include <cmath>
 
 #include "layers/elementwise.hpp"
 #include "layers/reference/refine.hpp"
@@ -15,7 +16,7 @@ namespace {
 std::vector<float> update(Device& device, const reference::ImageSize& size, uint32_t d,
                           const std::vector<float>& initial, const std::vector<float>& frames,
                           const std::vector<float>& residuals, const AlphaWeights& alpha,
-                          uint32_t pitch = 0) {
+                          uint32_t pitch = 0, float largest_step = INFINITY) {
     Program program(device);
     const Layout layout{d, size.height, size.width, 1, 1, pitch};
     Layout state_layout = refine_state_layout(d, size.height, size.width);
@@ -24,7 +25,7 @@ std::vector<float> update(Device& device, const reference::ImageSize& size, uint
     const Tensor frame_input = program.input(layout);
     const Tensor state = program.input(state_layout);
     const Tensor updated = program.output(layout);
-    record_refine_update(program, initial_input, frame_input, state, alpha, updated);
+    record_refine_update(program, initial_input, frame_input, state, alpha, updated, largest_step);
     program.finish();
     program.write(initial_input, from_dense(layout, initial));
     program.write(frame_input, from_dense(layout, frames));
@@ -107,6 +108,50 @@ TEST_SUITE("refine") {
         }
         alpha.fill(1);
         CHECK(update(*device, size, 3, whole, whole, differences, alpha) == whole);
+    }
+
+    TEST_CASE("update: below the largest step equation 8 never grows, above it does") {
+        const auto device = Device::open();
+        const reference::ImageSize size{8, 16};
+        for (const uint32_t d : {1U, 2U, 3U, 14U}) {
+            CAPTURE(d);
+            const size_t pixels = size.pixels();
+            CaseRandom random(d);
+            const std::vector<float> initial = random.values(d * pixels, 0, 1);
+            const std::vector<float> residuals = random.values((d - 1) * pixels, -1, 1);
+            const auto objective = [&](const std::vector<float>& frames, size_t pixel) {
+                double sum = 0;
+                for (size_t i = 0; i < d; ++i) {
+                    const size_t at = i * pixels + pixel;
+                    sum += std::pow(double{frames[at]} - initial[at], 2);
+                    sum +=
+                        i + 1 < d
+                            ? std::pow(double{frames[at]} + residuals[at] - frames[at + pixels], 2)
+                            : 0;
+                }
+                return sum;
+            };
+            // Each step after the last: frames settle in the direction that grows first.
+            const auto largest_growth = [&](float largest_step) {
+                AlphaWeights alpha{};
+                alpha[9] = 100; // far more than any bound
+                std::vector<float> frames = random.values(d * pixels, -1, 2);
+                double growth = 0;
+                for (int step = 0; step < 40; ++step) {
+                    const auto next = update(*device, size, d, initial, frames, residuals, alpha, 0,
+                                             largest_step);
+                    for (size_t p = 0; p < pixels; ++p) {
+                        growth = std::max(growth, objective(next, p) - objective(frames, p));
+                    }
+                    frames = next;
+                }
+                return growth;
+            };
+            const float largest = largest_refine_step(d);
+            CHECK(largest > 0.2F);
+            CHECK(largest_growth(largest) < 1e-4);
+            CHECK(largest_growth(1.05F * largest) > 1e-2);
+        }
     }
 
     TEST_CASE("update: frames larger together than the device can bind") {

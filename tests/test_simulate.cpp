@@ -198,6 +198,33 @@ TEST_SUITE("simulate") {
         CHECK(std::abs(std::sqrt(squares / pixels - mean * mean) - 0.05) < 0.0025);
     }
 
+    TEST_CASE("pixels' own thresholds spread about the mean, and stay a pixel's own") {
+        CameraModel model = ideal(0.1, 0.1);
+        model.pixel_spread = 0.2;
+        constexpr int pixels = 2000;
+        EventCamera camera(model, pixels, 1);
+        for (int i = 0; i <= 1; ++i) {
+            camera.see(std::vector<float>(pixels, intensity(-4 + 4.0 * i)), 1000.0 * i);
+        }
+        std::vector<double> events(pixels);
+        const Events seen = camera.take(0);
+        for (const uint16_t x : seen.x) {
+            ++events[x];
+        }
+        // 4 / (0.1 f) events, rounded down: f = 1 +- 0.2.
+        double mean = 0;
+        double square = 0;
+        for (const double count : events) {
+            const double factor = 40 / (count + 0.5);
+            mean += factor / pixels;
+            square += factor * factor / pixels;
+        }
+        CHECK(mean == doctest::Approx(1).epsilon(0.03));
+        CHECK(std::sqrt(square - mean * mean) == doctest::Approx(0.2).epsilon(0.1));
+        model.pixel_spread = 11;
+        CHECK_THROWS_AS(EventCamera(model, 1, 1), Error);
+    }
+
     TEST_CASE("a pixel is quiet for the refractory period") {
         CameraModel model = ideal(0.05, 0.05);
         model.noise_hz = 200;

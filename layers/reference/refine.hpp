@@ -1,5 +1,6 @@
 #pragma once
 #include <cstdint>
+#include <limits>
 #include <span>
 #include <vector>
 
@@ -26,7 +27,8 @@ std::vector<float> residual_state(std::span<const float> residuals, uint32_t fra
 /// The step that record_refine_update() describes, in double, for all d frames.
 std::vector<double> refine_update(std::span<const float> initial, std::span<const float> frames,
                                   std::span<const float> residuals, const AlphaWeights& alpha,
-                                  const ImageSize& size);
+                                  const ImageSize& size,
+                                  float largest_step = std::numeric_limits<float>::infinity());
 
 } // namespace ecir::reference
 

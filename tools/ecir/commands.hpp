@@ -12,6 +12,7 @@ void add_simulate(CLI::App& app);
 void add_verify(CLI::App& app);
 void add_bench(CLI::App& app);
 void add_chart(CLI::App& app);
+void add_stability(CLI::App& app);
 void add_devices(CLI::App& app);
 
 /// -g of every subcommand that works on a device.

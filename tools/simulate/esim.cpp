@@ -25,6 +25,9 @@ void check(const CameraModel& model, int width, int height) {
     if (!sensible(model.sigma, 0, 100)) {
         refuse("the thresholds' sigma must lie between 0 and 100");
     }
+    if (!sensible(model.pixel_spread, 0, 10)) {
+        refuse("the spread of the pixels' thresholds must lie between 0 and 10");
+    }
     if (model.refractory_us < 0) {
         refuse("the refractory period must not be negative");
     }
@@ -48,6 +51,11 @@ EventCamera::EventCamera(const CameraModel& model, int width, int height)
     for (size_t i = 0; i < pixels_.size(); ++i) {
         Pixel& pixel = pixels_[i];
         pixel.random = Random(model.seed, i);
+        if (model.pixel_spread > 0) {
+            // A stream of its own, so that noise and thresholds stay those of equal pixels.
+            Random own(model.seed, i + pixels_.size());
+            pixel.factor = std::max(1 + model.pixel_spread * own.normal(), 0.05);
+        }
         pixel.positive = draw(pixel, model.positive);
         pixel.negative = draw(pixel, model.negative);
         const bool hot = pixel.random.uniform() <= model.hot_fraction && model.hot_fraction > 0;
@@ -57,8 +65,9 @@ EventCamera::EventCamera(const CameraModel& model, int width, int height)
 }
 
 double EventCamera::draw(Pixel& pixel, double mean) const {
+    mean *= pixel.factor;
     if (model_.sigma == 0) {
-        return mean;
+        return std::max(mean, smallest_threshold);
     }
     return std::max(mean + model_.sigma * pixel.random.normal(), smallest_threshold);
 }

@@ -17,6 +17,7 @@ struct CameraModel {
     double positive = 0.18;    ///< c+ > 0, change of log intensity for a brighter event
     double negative = 0.18;    ///< c- > 0 (its size), for a darker event
     double sigma = 0.03;       ///< spread of both, drawn anew for each event
+    double pixel_spread = 0;   ///< of a pixel's own thresholds, relative to c+ and c-
     int64_t refractory_us = 0; ///< a pixel gives no second event sooner than this
     double noise_hz = 0;       ///< background events a second for every pixel
     double hot_fraction = 0;   ///< share of pixels, in [0, 1], that fire at hot_hz besides
@@ -28,6 +29,7 @@ struct CameraModel {
 /// intensity l = log(I + eps), which is taken as linear in time between two frames, and at
 ///     l >= r + C+  gives a brighter event, r += C+,     C+ ~ max(N(c+, sigma), 0.01)
 ///     l <= r - C-  gives a darker event,   r -= C-,     C- ~ max(N(c-, sigma), 0.01)
+/// where c+ and c- are a pixel's own, which vary by pixel_spread.
 /// A crossing inside the refractory period moves r and gives no event. Noise and hot pixels are
 /// Poisson processes of either sign with equal chance; they leave r alone.
 /// Equal model, size and frames give equal events.
@@ -52,6 +54,7 @@ private:
         double reference = 0; ///< r
         double positive = 0;  ///< the next C+ and C-
         double negative = 0;
+        double factor = 1;     ///< of its own thresholds over the mean ones
         double next_noise = 0; ///< microseconds
         double noise_rate = 0; ///< events a microsecond
         double last_event = 0;
@@ -61,6 +64,7 @@ private:
         uint32_t index;
         uint8_t p;
     };
+    /// The next threshold of a pixel whose thresholds lie about `mean` times its factor.
     double draw(Pixel& pixel, double mean) const;
     void advance(uint32_t index, double log, double time_us);
     void fire(uint32_t index, double time_us, bool brighter);

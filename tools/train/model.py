@@ -4,6 +4,8 @@ Tensors are N x C x H x W. Intensities are in [0, 1], time is normalised to [-1,
 exposure, event counts are raw. Names in the state dicts are those of the published
 implementation; `unet.` and `refine.` are the two prefixes of an exported file.
 """
+import math
+
 import numpy as np
 import torch
 import torch.nn as nn
@@ -186,11 +188,14 @@ def backward_gradient(frame):
 
 
 class RefineNet(nn.Module):
-    """Algorithm 1: recurrent residuals, gradient steps on equation 8, final polish."""
+    """Algorithm 1: recurrent residuals, gradient steps on equation 8, final polish.
 
-    def __init__(self, iterations=3):
+    bounded: no step is longer than the largest that keeps equation 8 from growing (layers/refine.hpp).
+    """
+
+    def __init__(self, iterations=3, bounded=True):
         super().__init__()
-        self.iterations = iterations
+        self.iterations, self.bounded = iterations, bounded
         self.first_res_net = _polish(8)
         self.other_res_net = _polish(9)
         self.alpha_net = nn.Conv2d(1, 1, 3, padding=1)
@@ -205,6 +210,7 @@ class RefineNet(nn.Module):
         start = list(initial.split(1, 1))
         d = len(start)
         frames, residuals = start, []
+        largest = 1 / (3 + 2 * math.cos(math.pi / d)) if self.bounded else math.inf
         for _ in range(self.iterations):
             gradient = [backward_gradient(f) for f in frames]
             r = []
@@ -220,7 +226,7 @@ class RefineNet(nn.Module):
                     direction = direction - 2 * (frames[i - 1] + r[i - 1] - frames[i])
                 if i < d - 1:
                     direction = direction + 2 * (frames[i] + r[i] - frames[i + 1])
-                alpha = 0.1 * F.relu(self.alpha_net(frames[i]))
+                alpha = (0.1 * F.relu(self.alpha_net(frames[i]))).clamp(max=largest)
                 updated.append(frames[i] - alpha * direction)
             frames = updated
             if r:
@@ -239,7 +245,7 @@ class ECIR(nn.Module):
             raise ValueError("width and histogram bins must be even and at least 2, keypoints at least 2")
         self.variant, self.width, self.bins, self.n = variant, width, bins, n
         self.unet = UNet(width, bins, n)
-        self.refine = RefineNet(iterations)
+        self.refine = RefineNet(iterations, bounded=variant == PAPER)
 
     def initialise(self, blurry, histogram, keypoints, times):
         """Initial frames N x d x H x W at d normalised times shared by the batch."""
