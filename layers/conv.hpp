@@ -29,8 +29,8 @@ ConvFamily conv_family(const DeviceInfo& info);
 uint32_t channel_block(const DeviceInfo& info);
 
 /// The family for a network part whose convolutions have these output channels: row instead of lane
-/// where all are multiples of kConvRowGroup. It pays where rows fill the lanes, some 30 pixels on,
-/// and channels are few (shaders/conv_row.comp has the figures).
+/// where all are multiples of kConvRowGroup. It knows 3x3, 5x5 of stride 2 and transposed ones, and
+/// is faster at each shape of the fusion network, 15x12 included (figures: shaders/conv_row.comp).
 ConvFamily row_family(const DeviceInfo& info, std::span<const uint32_t> out_channels);
 constexpr uint32_t kConvRowGroup = 4;
 
