@@ -321,4 +321,24 @@ TEST_SUITE("cli deblur") {
         CHECK(refused.code == 2);
         CHECK(refused.err.find("--lag 'soon'") != std::string::npos);
     }
+
+    TEST_CASE("quality and budget choose between the shipped networks") {
+        const Scene& scene = Scene::get();
+        const std::string file = scene.result("choice.json");
+        const Arguments few{"--frames", "2", "--threshold", "0.2"};
+        must(scene.deblur(scene.result("fast"),
+                          Arguments{"--quality", "fast", "--report", file} + few));
+        CHECK(nlohmann::json::parse(get(file))["exposures"][0]["model"] == "fusion-small");
+        const Outcome cheap = must(
+            scene.deblur(scene.result("cheap"),
+                         Arguments{"--budget", "0.001", "--report", file, "--overwrite"} + few));
+        CHECK(nlohmann::json::parse(get(file))["exposures"][0]["model"] == "fusion-small");
+        CHECK(cheap.err.find("over the budget") != std::string::npos);
+        const Outcome rich =
+            must(scene.deblur(scene.result("rich"), Arguments{"--budget", "1e8"} + few));
+        CHECK(rich.err.find("fusion takes") != std::string::npos);
+        const Outcome refused =
+            run_ecir(scene.deblur(scene.result("x.npy"), Arguments{"--budget", "5"} + kEdi));
+        CHECK(refused.code == 2);
+    }
 }
