@@ -102,8 +102,8 @@ void EventLagEstimator::add(std::span<const float> first, const Exposure& first_
 
     const std::vector<double> times = times_of_change(events, width_, height_);
     std::array<double, 2 * kSteps + 1> found{};
-    for (int step = -kSteps; step <= kSteps; ++step) {
-        const auto lag = static_cast<double>(step * kStep);
+    for (size_t place = 0; place < found.size(); ++place) {
+        const double lag = (static_cast<double>(place) - kSteps) * kStep;
         std::vector<float> sum(pixels);
         for (size_t i = 0; i < events.size(); ++i) {
             const double time = times[i] - lag;
@@ -112,8 +112,7 @@ void EventLagEstimator::add(std::span<const float> first, const Exposure& first_
             sum[size_t{events.y[i]} * width_ + events.x[i]] +=
                 static_cast<float>(events.p[i] != 0 ? weight : -weight);
         }
-        found[static_cast<size_t>(step + kSteps)] =
-            correlation(smoothed(std::move(sum), width_, height_), change, use);
+        found[place] = correlation(smoothed(std::move(sum), width_, height_), change, use);
     }
     if (*std::ranges::max_element(found) < kTelling) {
         return;
@@ -143,7 +142,8 @@ std::optional<int64_t> EventLagEstimator::estimate() const {
         fourth += std::pow(k, 4) / n;
     }
     for (int k = -around; k <= around; ++k) {
-        const double value = correlation_[static_cast<size_t>(best + k)];
+        const int place = best + k;
+        const double value = correlation_[static_cast<size_t>(place)];
         slope += k * value / (n * places);
         bend += (k * k - places) * value / (n * (fourth - places * places));
     }

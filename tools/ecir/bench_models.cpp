@@ -68,6 +68,13 @@ uint32_t iterations(const ModelCase& work) {
     return weights.meta("model") == "fusion" ? 1 : 0;
 }
 
+DeblurOptions options_of(const ModelCase& work) {
+    DeblurOptions options;
+    options.model = work.model;
+    options.refine = work.refine;
+    return options;
+}
+
 } // namespace
 
 BenchScene::BenchScene(const PixelSize& size) {
@@ -112,17 +119,17 @@ BenchScene::BenchScene(const PixelSize& size) {
     }
 }
 
+ModelRun::ModelRun(const std::shared_ptr<Device>& device, const ModelCase& work)
+    : scene_(work.size), deblur_(device, options_of(work), static_cast<uint32_t>(work.size.width),
+                                 static_cast<uint32_t>(work.size.height)),
+      times_(even_times(work.frames)) {}
+
+std::vector<float> ModelRun::operator()() {
+    return deblur_.frames(scene_.blurry.pixels, scene_.events.view(), scene_.exposure, times_);
+}
+
 ModelRow bench_model(const std::shared_ptr<Device>& device, const ModelCase& work) {
-    const BenchScene scene(work.size);
-    DeblurOptions options;
-    options.model = work.model;
-    options.refine = work.refine;
-    Deblur deblur(device, options, static_cast<uint32_t>(work.size.width),
-                  static_cast<uint32_t>(work.size.height));
-    const auto times = even_times(work.frames);
-    const auto run = [&] {
-        return deblur.frames(scene.blurry.pixels, scene.events.view(), scene.exposure, times);
-    };
+    ModelRun run(device, work);
     ModelRow row;
     row.name = work.model;
     row.size = std::to_string(work.size.width) + "x" + std::to_string(work.size.height);

@@ -26,6 +26,18 @@ struct BenchScene {
     explicit BenchScene(const PixelSize& size);
 };
 
+/// A model on the device with its scene, from host memory to host memory; runs have the same input.
+class ModelRun {
+public:
+    ModelRun(const std::shared_ptr<Device>& device, const ModelCase& work);
+    std::vector<float> operator()();
+
+private:
+    BenchScene scene_;
+    Deblur deblur_;
+    std::vector<double> times_;
+};
+
 /// Runs the model twice and compares, then times it in its steady state.
 ModelRow bench_model(const std::shared_ptr<Device>& device, const ModelCase& work);
 

@@ -4,6 +4,7 @@
 #include <array>
 #include <fstream>
 #include <nlohmann/json.hpp>
+#include <ranges>
 
 #include "runtime/cache_file.hpp"
 #include "tools/ecir/stopwatch.hpp"
@@ -21,17 +22,11 @@ std::string key_of(const ModelCase& work) {
 }
 
 double measure(const std::shared_ptr<Device>& device, const ModelCase& work) {
-    const BenchScene scene(work.size);
-    DeblurOptions options;
-    options.model = work.model;
-    options.refine = work.refine;
-    Deblur deblur(device, options, static_cast<uint32_t>(work.size.width),
-                  static_cast<uint32_t>(work.size.height));
-    const auto times = even_times(work.frames);
+    ModelRun run(device, work);
     std::array<double, 4> ms{}; // the first compiles, and estimates thresholds
     for (double& each : ms) {
         const Stopwatch watch;
-        (void)deblur.frames(scene.blurry.pixels, scene.events.view(), scene.exposure, times);
+        (void)run();
         each = watch.ms();
     }
     std::sort(ms.begin() + 1, ms.end());
@@ -72,9 +67,9 @@ BudgetChoice choose_within(double budget_ms, const std::shared_ptr<Device>& devi
     const ModelFamily family = ModelFamily::shipped();
     ModelTimes times(device);
     BudgetChoice choice;
-    for (auto member = family.members().rbegin(); member != family.members().rend(); ++member) {
-        choice = {member->model,
-                  times.ms({.model = member->model, .size = size, .frames = frames, .refine = {}})};
+    for (const auto& member : std::views::reverse(family.members())) {
+        choice = {member.model,
+                  times.ms({.model = member.model, .size = size, .frames = frames, .refine = {}})};
         if (choice.ms <= budget_ms) {
             break;
         }
