@@ -79,6 +79,32 @@ ConvFamily conv_family(const DeviceInfo& info) {
     return lane && !tile ? ConvFamily::lane : ConvFamily::tile;
 }
 
+std::string explain_convolutions(const DeviceInfo& info) {
+    const auto yes = [](bool value) { return value ? "yes" : "no"; };
+    const char* wanted = std::getenv("ECIR_CONV");
+    std::string text = "CPU driver: " + std::string(yes(info.is_cpu)) +
+                       "; buffer addresses: " + yes(info.buffer_address) +
+                       "; uniform range: " + std::to_string(info.max_uniform_range) + " bytes of " +
+                       std::to_string(kConvUniformSlice) +
+                       " needed; ECIR_CONV: " + (wanted != nullptr ? wanted : "not set") + "\n";
+    if (conv_family(info) == ConvFamily::tile) {
+        return text + "tile (shaders/conv_tile.comp) for all convolutions: shared-memory tiles for "
+                      "GPUs, and wherever the families for CPU drivers cannot run or "
+                      "ECIR_CONV=tile asks for it\n";
+    }
+    return text +
+           "row (shaders/conv_row.comp, conv_row_up.comp), a lane a pixel, for fusion networks "
+           "whose channels are multiples of " +
+           std::to_string(kConvRowGroup) +
+           ": 0.4 to 0.85 of lane's time at their shapes\n"
+           "lane (shaders/conv_lane.comp), a lane an output channel in blocks of " +
+           std::to_string(channel_block(info)) +
+           ", for the other networks: row knows no 1x1 and no 5x5 of stride 1\n"
+           "pair (shaders/conv_pair.comp) where a convolution, ReLU and a convolution to one "
+           "channel "
+           "follow each other: the values between stay in registers\n";
+}
+
 uint32_t channel_block(const DeviceInfo& info) {
     return conv_family(info) == ConvFamily::lane && info.subgroup_size == 16 ? 16 : kConvTileBlock;
 }

@@ -25,6 +25,9 @@ constexpr uint64_t kConvUniformSlice =
 /// would run.
 ConvFamily conv_family(const DeviceInfo& info);
 
+/// Which families convolutions use on a device, and why, for a person: lines of text.
+std::string explain_convolutions(const DeviceInfo& info);
+
 /// Channels a block of a tensor that convolutions work on: 8, or the subgroup's 16 lanes.
 uint32_t channel_block(const DeviceInfo& info);
 

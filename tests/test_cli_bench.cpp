@@ -169,4 +169,14 @@ TEST_SUITE("cli bench") {
         CHECK(told("compiled"));
         CHECK(!told("compiled-before"));
     }
+
+    TEST_CASE("the choice of kernels is explained, and follows what the environment asks for") {
+        const Outcome here = must({"bench", "--explain"});
+        CHECK(here.out.find("conv_") != std::string::npos);
+        Surroundings tiles;
+        tiles.environment = {{"ECIR_CONV", "tile"}};
+        const Outcome there = must({"bench", "--explain"}, tiles);
+        CHECK(there.out.find("tile (shaders/conv_tile.comp) for all") != std::string::npos);
+        CHECK(there.out.find("ECIR_CONV: tile") != std::string::npos);
+    }
 }

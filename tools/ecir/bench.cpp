@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "layers/conv.hpp"
 #include "runtime/error.hpp"
 #include "tools/ecir/bench_compare.hpp"
 #include "tools/ecir/bench_models.hpp"
@@ -26,6 +27,7 @@ struct Options {
     std::filesystem::path compare;
     std::string device;
     bool json = false;
+    bool explain = false;
 
     /// Neither is asked for: everything is.
     [[nodiscard]] bool everything() const { return operation.empty() && model.model.empty(); }
@@ -120,6 +122,11 @@ void run(const Options& options, bool sized) {
         (void)choose_operations(options.operation); // a mistake there shows before anything runs
     }
     const auto device = Device::open(options.device);
+    if (options.explain) {
+        std::fputs((device->info().name + "\n" + explain_convolutions(device->info())).c_str(),
+                   stdout);
+        return;
+    }
     if (old && old->device() != device->info().name) {
         Console("", 0).warn(old->path().string() + " is of another device, " + old->device());
     }
@@ -197,6 +204,8 @@ void add_bench(CLI::App& app) {
         ->option_text("FILE");
     add_device_option(*command, options->device);
     command->add_flag("--json", options->json, "Print as JSON");
+    command->add_flag("--explain", options->explain,
+                      "Only say which kernels convolutions use on this device, and why");
     command->footer(
         "Without --op and --model: all operations at the shapes of the shipped networks (240x180,\n"
         "14 frames), and all shipped models with their start-up; a few minutes on a CPU driver.\n"
