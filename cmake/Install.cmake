@@ -18,7 +18,7 @@ install(TARGETS ecir_tool)
 install(DIRECTORY runtime layers weights DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/ecir
   FILES_MATCHING PATTERN "*.hpp")
 install(DIRECTORY weights/ DESTINATION ${ecir_weights}
-  FILES_MATCHING PATTERN "*.safetensors" PATTERN "*.md")
+  FILES_MATCHING PATTERN "*.safetensors" PATTERN "*.json" PATTERN "*.md")
 install(FILES LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR})
 
 install(EXPORT ecirTargets NAMESPACE ecir:: DESTINATION ${ecir_package})

@@ -8,8 +8,12 @@ int main() {
     const uint32_t height = 48;
     const std::vector<float> blurry(width * height, 0.5F); // luminance, 0 ... 1
     ecir::Events events;                                   // microseconds, column, row, polarity
-    events.push_back(2'000, 10, 20, 1);
-    ecir::Deblur deblur(ecir::Device::open(), {.model = "fusion"}, width, height);
+    for (uint16_t x = 0; x < 40; ++x) {                    // a bright edge that moves to the right
+        for (uint16_t y = 8; y < 40; ++y) {
+            events.push_back(200 * x, x, y, 1);
+        }
+    }
+    ecir::Deblur deblur(ecir::Device::open(), {}, width, height);
     const auto frames = deblur.frames(blurry, events.view(), {0, 10'000}, ecir::even_times(14));
     std::printf("%zu frames, model %s\n", frames.size() / blurry.size(),
                 ecir::find_model("fusion").c_str());
