@@ -341,4 +341,17 @@ TEST_SUITE("cli deblur") {
             run_ecir(scene.deblur(scene.result("x.npy"), Arguments{"--budget", "5"} + kEdi));
         CHECK(refused.code == 2);
     }
+
+    TEST_CASE("of an exposure with noise alone is said that nothing was sharpened") {
+        const Scene& scene = Scene::get();
+        const std::string events = scene.result("noise.txt");
+        put(events, "1600000000.010000 3 4 1\n1600000000.030000 20 11 0\n");
+        const std::string file = scene.result("noise.json");
+        const Outcome outcome = must(Scene::deblur_of(scene.blurry, events, scene.result("noise"),
+                                                      {"--frames", "2", "--report", file}));
+        CHECK(outcome.err.find("look like noise") != std::string::npos);
+        const auto report = nlohmann::json::parse(get(file));
+        CHECK(report["exposures"][0]["model"].is_null());
+        CHECK(report["exposures"][0]["windows"].empty());
+    }
 }

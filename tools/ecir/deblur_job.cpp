@@ -234,6 +234,11 @@ private:
         oldest.report.model = deblur_->model();
         oldest.report.active_share = deblur_->active_share();
         oldest.report.windows = deblur_->windows();
+        if (oldest.report.facts.events > 0 && oldest.report.windows.empty()) {
+            oldest.report.warnings.push_back(
+                {"still", "its events look like noise, nothing in them like motion, so its frames "
+                          "are the blurry frame"});
+        }
         oldest.report.thresholds = deblur_->thresholds();
         oldest.report.ignored_pixels = deblur_->ignored_pixels();
         tell(oldest.report);
