@@ -63,7 +63,8 @@ TEST_SUITE("operations") {
                 const auto result = run_trial(operation, trial);
                 INFO(operation.name, " ", trial.shape, ": error ", result.error);
                 CHECK(result.ok);
-                if (operation.name == "conv" || operation.name == "conv_pair") {
+                if (operation.name == "conv" || operation.name == "conv_row" ||
+                    operation.name == "conv_pair") {
                     add(tried, trial.program->profile());
                 }
             }
