@@ -20,6 +20,12 @@ constexpr float kBright = 0.5F; ///< least 99th percentile of a frame that stays
     throw Error(ExitCode::bad_input, "weights file " + weights.path().string() + ": " + what);
 }
 
+/// Whether prior_busy_pixels() counts any.
+bool has_busy_pixel(const PackedEvents& packed) {
+    const auto busy = [](uint32_t begin, uint32_t end) { return end - begin > prior_busy_events; };
+    return std::ranges::adjacent_find(packed.offset, busy) != packed.offset.end();
+}
+
 /// The events of pixels that prior_busy_pixels() does not count; `packed` holds them all.
 Events without_busy_pixels(const EventView& events, const PackedEvents& packed, uint32_t width) {
     Events quiet;
@@ -134,10 +140,9 @@ void EcirMethod::begin(const FrameInput& input) {
                          [&](Program& made, uint32_t capacity) { record(made, count, capacity); });
     PackedEvents packed = pack_events(input.events, input.exposure, width_, height_);
     // Counts far over any that it was trained on would reach all of the frame through the U-Net.
-    const size_t busy = config_.release ? 0 : prior_busy_pixels(input.events, width_, height_);
     Events quiet;
     FrameInput seen = input;
-    if (busy > 0) {
+    if (!config_.release && has_busy_pixel(packed)) {
         quiet = without_busy_pixels(input.events, packed, width_);
         seen.events = quiet.view();
         packed = pack_events(seen.events, seen.exposure, width_, height_);

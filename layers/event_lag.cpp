@@ -4,6 +4,8 @@
 #include <cmath>
 #include <vector>
 
+#include "layers/plane_smooth.hpp"
+
 namespace ecir {
 namespace {
 
@@ -11,26 +13,6 @@ constexpr float kOffset = 0.01F;
 constexpr float kBlack = 0.03F; // darker than this and whiter than that the frame does not follow
 constexpr float kWhite = 0.97F;
 constexpr int kPairs = 3;
-
-/// [1 2 1] / 4 twice in each direction: a pixel's own threshold noise must not decide.
-std::vector<float> smoothed(std::vector<float> image, uint32_t width, uint32_t height) {
-    std::vector<float> other(image.size());
-    for (int pass = 0; pass < 4; ++pass) {
-        const bool rows = pass % 2 == 0;
-        const size_t step = rows ? 1 : width;
-        for (uint32_t y = 0; y < height; ++y) {
-            for (uint32_t x = 0; x < width; ++x) {
-                const size_t i = size_t{y} * width + x;
-                const bool low = rows ? x > 0 : y > 0;
-                const bool high = rows ? x + 1 < width : y + 1 < height;
-                other[i] = 0.5F * image[i] +
-                           0.25F * (image[low ? i - step : i] + image[high ? i + step : i]);
-            }
-        }
-        std::swap(image, other);
-    }
-    return image;
-}
 
 /// When the change that an event tells of happened on average: midway from the pixel's event before
 /// where that has the same sign, since the brightness ran on between them. Stamps alone are half a
@@ -98,7 +80,7 @@ void EventLagEstimator::add(std::span<const float> first, const Exposure& first_
         change[i] =
             std::log((std::max(second[i], 0.0F) + kOffset) / (std::max(first[i], 0.0F) + kOffset));
     }
-    change = smoothed(std::move(change), width_, height_);
+    smooth_plane(change, width_, height_); // a pixel's own threshold noise must not decide
 
     const std::vector<double> times = times_of_change(events, width_, height_);
     std::array<double, 2 * kSteps + 1> found{};
@@ -112,7 +94,8 @@ void EventLagEstimator::add(std::span<const float> first, const Exposure& first_
             sum[size_t{events.y[i]} * width_ + events.x[i]] +=
                 static_cast<float>(events.p[i] != 0 ? weight : -weight);
         }
-        found[place] = correlation(smoothed(std::move(sum), width_, height_), change, use);
+        smooth_plane(sum, width_, height_);
+        found[place] = correlation(sum, change, use);
     }
     if (*std::ranges::max_element(found) < kTelling) {
         return;

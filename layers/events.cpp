@@ -11,4 +11,12 @@ EventView window(const EventView& events, const Exposure& exposure) {
                           static_cast<size_t>(last - first));
 }
 
+std::vector<uint32_t> event_counts(const EventView& events, uint32_t width, uint32_t height) {
+    std::vector<uint32_t> counts(size_t{width} * height);
+    for (size_t i = 0; i < events.size(); ++i) {
+        ++counts[size_t{events.y[i]} * width + events.x[i]];
+    }
+    return counts;
+}
+
 } // namespace ecir

@@ -45,4 +45,7 @@ struct Events {
 /// The events with exposure.start <= t <= exposure.end; `events` must be sorted by time.
 EventView window(const EventView& events, const Exposure& exposure);
 
+/// How many of the events each pixel has, [height][width]. They must lie inside the image.
+std::vector<uint32_t> event_counts(const EventView& events, uint32_t width, uint32_t height);
+
 } // namespace ecir

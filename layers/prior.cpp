@@ -60,12 +60,9 @@ bool fits(const PriorInput& input) {
 } // namespace
 
 size_t prior_busy_pixels(const EventView& events, uint32_t width, uint32_t height) {
-    std::vector<uint32_t> counts(size_t{width} * height);
-    for (size_t i = 0; i < events.size(); ++i) {
-        ++counts[size_t{events.y[i]} * width + events.x[i]];
-    }
     return static_cast<size_t>(
-        std::ranges::count_if(counts, [](uint32_t count) { return count > prior_busy_events; }));
+        std::ranges::count_if(event_counts(events, width, height),
+                              [](uint32_t count) { return count > prior_busy_events; }));
 }
 
 void record_prior(Program& program, const PriorInput& input, const PriorExposure& exposure) {

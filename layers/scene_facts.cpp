@@ -14,15 +14,6 @@ namespace {
 constexpr float kWhite = 0.98F;
 constexpr float kBlack = 0.02F;
 
-/// Events of each pixel.
-std::vector<uint32_t> count_events(const EventView& events, uint32_t width, uint32_t height) {
-    std::vector<uint32_t> counts(size_t{width} * height);
-    for (size_t i = 0; i < events.size(); ++i) {
-        ++counts[size_t{events.y[i]} * width + events.x[i]];
-    }
-    return counts;
-}
-
 /// Largest and sum of the counts of the eight neighbours.
 struct Around {
     uint32_t most = 0;
@@ -161,7 +152,7 @@ SceneFacts scene_facts(std::span<const float> blurry, const EventView& events,
     facts.positive_share =
         static_cast<double>(std::ranges::count_if(events.p, [](uint8_t p) { return p != 0; })) /
         static_cast<double>(facts.events);
-    judge_pixels(count_events(events, width, height), width, height, facts);
+    judge_pixels(event_counts(events, width, height), width, height, facts);
     facts.travel = estimate_travel(blurry, events, exposure, width, height);
     find_flicker(events, exposure, facts);
     facts.longest_gap = longest_gap(events);

@@ -5,6 +5,7 @@
 #include <numeric>
 #include <vector>
 
+#include "layers/plane_smooth.hpp"
 #include "layers/shapes.hpp"
 
 namespace ecir {
@@ -25,33 +26,6 @@ struct Grid {
     uint32_t height;
     [[nodiscard]] size_t size() const { return size_t{width} * height; }
 };
-
-/// [1 2 1] / 4 twice in each direction, about a Gaussian of one pixel; the border repeats.
-void smooth(const Grid& grid, std::vector<float>& image, std::vector<float>& scratch) {
-    const uint32_t width = grid.width;
-    const uint32_t height = grid.height;
-    scratch.resize(image.size());
-    for (int pass = 0; pass < 2; ++pass) {
-        for (uint32_t y = 0; y < height; ++y) {
-            const float* const row = &image[size_t{y} * width];
-            float* const out = &scratch[size_t{y} * width];
-            for (uint32_t x = 0; x < width; ++x) {
-                const float left = row[x > 0 ? x - 1 : 0];
-                const float right = row[std::min(x + 1, width - 1)];
-                out[x] = 0.25F * (left + right) + 0.5F * row[x];
-            }
-        }
-        for (uint32_t y = 0; y < height; ++y) {
-            const float* const up = &scratch[size_t{y > 0 ? y - 1 : 0} * width];
-            const float* const here = &scratch[size_t{y} * width];
-            const float* const down = &scratch[size_t{std::min(y + 1, height - 1)} * width];
-            float* const out = &image[size_t{y} * width];
-            for (uint32_t x = 0; x < width; ++x) {
-                out[x] = 0.25F * (up[x] + down[x]) + 0.5F * here[x];
-            }
-        }
-    }
-}
 
 /// ln(B + e), averaged over the bins.
 std::vector<float> binned_logarithm(const Grid& grid, std::span<const float> blurry,
@@ -173,7 +147,6 @@ double estimate_travel(std::span<const float> blurry, const EventView& events,
     std::vector<Tile> tiles(size_t{columns} * ceil_div(grid.height, kTile));
     std::vector<float> level(grid.size());
     std::vector<float> change(grid.size());
-    std::vector<float> scratch;
     std::ranges::fill(sum, 0.0F);
     for (uint32_t slice = 0; slice < kSlices; ++slice) {
         std::copy_n(changes.begin() + static_cast<ptrdiff_t>(slice * grid.size()), grid.size(),
@@ -182,8 +155,8 @@ double estimate_travel(std::span<const float> blurry, const EventView& events,
             level[i] = start[i] + sum[i] + 0.5F * change[i];
             sum[i] += change[i];
         }
-        smooth(grid, level, scratch);
-        smooth(grid, change, scratch);
+        smooth_plane(level, grid.width, grid.height);
+        smooth_plane(change, grid.width, grid.height);
         add_slice(grid, level, change, columns, tiles);
     }
     return weighted_median(tiles) * bin;

@@ -113,8 +113,7 @@ void add_chart(CLI::App& app) {
                      "A new folder for chart.svg, chart.csv and chart.json")
         ->option_text("DIR");
     command->add_flag("--overwrite", options->overwrite, "Replace an existing output");
-    command->add_option("-m,--models", options->models, "Models, .safetensors files, edi")
-        ->option_text("MODEL ... [all that are shipped]");
+    add_models_option(*command, options->models);
     command
         ->add_option("--most-refine", options->most_refine,
                      "Chart E-CIR with 0 to so many iterations of its refinement")

@@ -1,6 +1,7 @@
 #pragma once
 #include <CLI/CLI.hpp>
 #include <string>
+#include <vector>
 
 namespace ecir::cli {
 
@@ -20,6 +21,12 @@ inline CLI::Option* add_device_option(CLI::App& command, std::string& device) {
     return command
         .add_option("-g,--device", device, "Its index or a part of its name (ecir devices)")
         ->option_text("DEVICE");
+}
+
+/// `-m` of a subcommand that compares models.
+inline CLI::Option* add_models_option(CLI::App& command, std::vector<std::string>& models) {
+    return command.add_option("-m,--models", models, "Models, .safetensors files, edi")
+        ->option_text("MODEL ... [all that are shipped]");
 }
 
 } // namespace ecir::cli

@@ -206,8 +206,7 @@ void add_stability(CLI::App& app) {
         ->option_text("REGEX");
     command->add_flag("--list", options->list, "Name the sweeps and end");
     command->add_flag("--quick", options->quick, "Few values, small frames: a check in seconds");
-    command->add_option("-m,--models", options->models, "Models, .safetensors files, edi")
-        ->option_text("MODEL ... [all that are shipped]");
+    add_models_option(*command, options->models);
     command
         ->add_option("--images", options->images,
                      "Pictures that are moved, or folders of them, a scene each")

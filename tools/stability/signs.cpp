@@ -65,12 +65,11 @@ Signs signs_of(const Capture& capture) {
     const EventView events = window(capture.events.view(), capture.exposure);
     const auto total = static_cast<double>(events.size());
     const double any = std::max(total, 1.0);
-    std::vector<uint32_t> counts(capture.pixels());
+    const std::vector<uint32_t> counts = event_counts(events, capture.width, capture.height);
     constexpr size_t parts = 100;
     std::array<double, parts> rate{};
     double positive = 0;
     for (size_t i = 0; i < events.size(); ++i) {
-        ++counts[size_t{events.y[i]} * capture.width + events.x[i]];
         positive += events.p[i];
         const auto part =
             static_cast<size_t>((events.t[i] - capture.exposure.start) *
