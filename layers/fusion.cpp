@@ -1,278 +1,35 @@
 #include "layers/fusion.hpp"
 
-#include <algorithm>
-#include <charconv>
-
 #include "layers/elementwise.hpp"
 #include "layers/fusion_fetch.hpp"
 #include "layers/motion.hpp"
-#include "layers/pixel_dispatch.hpp"
-#include "layers/shapes.hpp"
 #include "layers/trajectory.hpp"
-#include "runtime/error.hpp"
 
 namespace ecir {
+
 namespace {
 
-constexpr uint32_t kMostChannels = 1024;
-constexpr uint32_t kPlaneHalo = 2; ///< of the head's input: its first convolution is 5x5
-
-/// The numbers in a metadata entry, as many as `widths` has, divided by spaces.
-void read_widths(const SafeTensors& weights, const std::string& key, std::span<uint32_t> widths) {
-    const std::string text = weights.meta(key);
-    const char* at = text.data();
-    const char* const end = at + text.size();
-    bool good = true;
-    for (uint32_t& width : widths) {
-        at = std::find_if(at, end, [](char c) { return c != ' '; });
-        const auto [stop, error] = std::from_chars(at, end, width);
-        good = good && error == std::errc{} && width >= 1 && width <= kMostChannels;
-        at = stop;
-    }
-    if (!good || at != end) {
-        throw Error(ExitCode::bad_input, "weights file " + weights.path().string() +
-                                             ": metadata '" + key + "' is '" + text +
-                                             "'; it must be " + std::to_string(widths.size()) +
-                                             " numbers from 1 to " + std::to_string(kMostChannels));
-    }
-}
-
-/// One family for the whole network: parts hand their tensors to one another.
-ConvFamily network_family(const DeviceInfo& info, const FusionWidths& widths) {
-    std::vector<uint32_t> channels(widths.trunk.begin(), widths.trunk.end());
-    channels.insert(channels.end(), widths.head.begin(), widths.head.end());
-    return row_family(info, channels);
-}
-
-/// Images that a first convolution reads, and other kernels read and write plane by plane.
-Layout image_layout(const DeviceInfo& info, ConvFamily family, uint32_t channels, uint32_t height,
-                    uint32_t width, uint32_t halo) {
-    return family == ConvFamily::row ? conv_layout(info, family, channels, height, width, halo)
-                                     : Layout{channels, height, width, 1, halo};
-}
-
-/// The mixed features, dense, at a quarter of the size.
-Layout mixed_layout(const DeviceInfo& info, ConvFamily family, uint32_t channels, uint32_t height,
-                    uint32_t width) {
-    return {channels, ceil_div(height, 4), ceil_div(width, 4),
-            family == ConvFamily::row ? 1 : channel_block(info)};
-}
-
-/// Makes convolutions from the tensors `fusion.*` of a weights file, into a table.
-struct Loader {
-    Device& device;
-    const SafeTensors& weights;
-    ConvTable& table;
-    ConvFamily family;
-
-    [[nodiscard]] const std::vector<float>& get(const std::string& name,
-                                                const std::vector<uint32_t>& shape) const {
-        return weights.get("fusion." + name, shape);
-    }
-    /// inputs: channels of each input tensor.
-    void add(const std::string& name, const std::vector<uint32_t>& inputs, const ConvDesc& desc,
-             bool has_bias = true) {
-        std::vector<ChannelMap> maps;
-        uint32_t in = 0;
-        for (const uint32_t channels : inputs) {
-            maps.push_back(channel_range(in, channels));
-            in += channels;
-        }
-        const uint32_t out = desc.out_channels;
-        const auto& weight =
-            get(name + ".weight",
-                {desc.transposed ? in : out, desc.transposed ? out : in, desc.kernel, desc.kernel});
-        std::span<const float> bias;
-        if (has_bias) {
-            bias = get(name + ".bias", {out});
-        }
-        table.emplace(name, Conv(device, desc, maps, weight, bias, family));
-    }
-    void plain(const std::string& name, uint32_t in, uint32_t out) {
-        add(name, {in}, {.out_channels = out});
-    }
-    void down(const std::string& name, const std::vector<uint32_t>& inputs, uint32_t out,
-              uint32_t kernel = 3) {
-        add(name, inputs, {.out_channels = out, .kernel = kernel, .stride = 2, .relu = true});
-    }
-    void up(const std::string& name, uint32_t in, uint32_t out) {
-        add(name + ".conv", {in},
-            {.out_channels = out, .stride = 2, .transposed = true, .relu = true});
-    }
-    void residual(const std::string& name, uint32_t channels) {
-        for (const char* part : {".a", ".b"}) {
-            add(name + part, {channels}, {.out_channels = channels, .relu = true});
-        }
-    }
-    /// To the coefficients of the head's features, each set filled up to whole blocks.
-    void basis(const std::string& name, uint32_t in, uint32_t channels) {
-        const std::vector<float>& weight =
-            get(name + ".weight", {fusion_basis * channels, in, 3, 3});
-        const std::vector<float>& bias = get(name + ".bias", {fusion_basis * channels});
-        const uint32_t padded =
-            padded_channels(mixed_layout(device.info(), family, channels, 1, 1));
-        const size_t row = size_t{in} * 9;
-        std::vector<float> weights_padded(size_t{fusion_basis} * padded * row);
-        std::vector<float> bias_padded(size_t{fusion_basis} * padded);
-        for (size_t c = 0; c < bias.size(); ++c) {
-            const size_t to = c / channels * padded + c % channels;
-            std::copy_n(weight.begin() + static_cast<ptrdiff_t>(c * row), row,
-                        weights_padded.begin() + static_cast<ptrdiff_t>(to * row));
-            bias_padded[to] = bias[c];
-        }
-        table.emplace(name, Conv(device, {.out_channels = fusion_basis * padded},
-                                 {channel_range(0, in)}, weights_padded, bias_padded, family));
-    }
-};
-
-/// relu(x + b(relu(a(x)))) in place; `inner` has the layout of x.
-void record_residual(Program& program, const ConvTable& convs, const std::string& name,
-                     const Tensor& x, const Tensor& inner) {
-    convs.at(name + ".a").record(program, x, inner);
-    convs.at(name + ".b").record(program, inner, x, x);
-}
-
-/// A tensor that convolutions read, with zeros around it.
-Tensor cleared(Program& program, const Layout& layout) {
-    const Tensor tensor = program.temporary(layout);
-    program.clear(tensor);
-    return tensor;
-}
+constexpr char kCoarse[] = "coarse_";
 
 } // namespace
 
-FusionWidths::FusionWidths(const SafeTensors& weights) {
-    read_widths(weights, "trunk", trunk);
-    read_widths(weights, "head", head);
-}
-
-FusionTrunk::FusionTrunk(Device& device, const SafeTensors& weights, const FusionWidths& widths)
-    : widths_(widths), family_(network_family(device.info(), widths)) {
-    const auto [a, b, c, d] = widths.trunk;
-    Loader load{device, weights, convs_, family_};
-    load.down("trunk.down1", {anchor_count, anchor_count}, a); // anchors; blurry frame and counts
-    load.down("trunk.down2", {a}, b);
-    load.residual("trunk.res2", b);
-    load.down("trunk.down3", {b}, c);
-    load.add("trunk.motion", {2 * anchor_count}, {.out_channels = c}, false);
-    load.residual("trunk.res3", c);
-    load.down("trunk.down4", {c}, d);
-    load.residual("trunk.res4", d);
-    load.residual("trunk.res5", d);
-    load.up("trunk.up3", d, c);
-    load.residual("trunk.res6", c);
-    load.up("trunk.up2", c, b);
-    load.residual("trunk.res7", b);
-    load.basis("trunk.feature", b, widths.head[2]);
-}
-
-Layout FusionTrunk::exposure_layout(const DeviceInfo& info, uint32_t height, uint32_t width) const {
-    return image_layout(info, family_, anchor_count, height, width, 1);
-}
-
-Layout FusionTrunk::velocity_layout(const DeviceInfo& info, uint32_t height, uint32_t width) const {
-    return conv_layout(info, family_, 2 * anchor_count, ceil_div(height, 8), ceil_div(width, 8), 1);
-}
-
-Tensor FusionTrunk::record(Program& program, const PriorExposure& exposure,
-                           const Tensor& velocity) const {
-    const auto [a, b, c, d] = widths_.trunk;
-    const uint32_t height = exposure.anchors.layout().height;
-    const uint32_t width = exposure.anchors.layout().width;
-    const DeviceInfo& info = program.device().info();
-    const auto zeroed = [&](uint32_t channels, uint32_t divisor) {
-        return cleared(program, conv_layout(info, family_, channels, ceil_div(height, divisor),
-                                            ceil_div(width, divisor), 1));
-    };
-    const auto conv = [&](const char* name) -> const Conv& {
-        return convs_.at(std::string("trunk.") + name);
-    };
-    const auto residual = [&](const char* name, const Tensor& x, const Tensor& inner) {
-        record_residual(program, convs_, std::string("trunk.") + name, x, inner);
-    };
-    const Tensor x1 = zeroed(a, 2);
-    const Tensor x2 = zeroed(b, 4);
-    const Tensor inner2 = zeroed(b, 4);
-    const Tensor x3 = zeroed(c, 8);
-    const Tensor inner3 = zeroed(c, 8);
-    const Tensor x4 = zeroed(d, 16);
-    const Tensor inner4 = zeroed(d, 16);
-
-    const std::array inputs = {exposure.anchors, exposure.context};
-    conv("down1").record(program, inputs, x1);
-    conv("down2").record(program, x1, x2);
-    residual("res2", x2, inner2);
-    conv("motion").record(program, velocity, x3);
-    conv("down3").record(program, x2, x3, x3);
-    residual("res3", x3, inner3);
-    conv("down4").record(program, x3, x4);
-    residual("res4", x4, inner4);
-    residual("res5", x4, inner4);
-    conv("up3.conv").record(program, x4, x3, x3);
-    residual("res6", x3, inner3);
-    conv("up2.conv").record(program, x3, x2, x2);
-    residual("res7", x2, inner2);
-    const Tensor features = program.temporary(
-        fusion_basis_layout(mixed_layout(info, family_, widths_.head[2], height, width)));
-    conv("feature").record(program, x2, features);
-    return features;
-}
-
-FusionHead::FusionHead(Device& device, const SafeTensors& weights, const FusionWidths& widths)
-    : widths_(widths), family_(network_family(device.info(), widths)),
-      end_(device, plane_count, widths.head[0],
-           weights.get("fusion.head.skip.weight", {widths.head[0], plane_count, 3, 3}),
-           weights.get("fusion.head.out.weight", {1, widths.head[0], 3, 3}),
-           weights.get("fusion.head.out.bias", {1}).front()) {
-    const auto [a, b, c] = widths.head;
-    Loader load{device, weights, convs_, family_};
-    load.down("head.down1", {plane_count}, b, 5);
-    load.down("head.down2", {b}, c);
-    load.residual("head.res2", c);
-    load.residual("head.res3", c);
-    load.up("head.up1", c, b);
-    load.residual("head.res1", b);
-    load.add("head.up0.conv", {b}, {.out_channels = a, .stride = 2, .transposed = true});
-}
-
-FusionHead::Tensors FusionHead::prepare(Program& program, uint32_t height, uint32_t width) const {
-    const auto [a, b, c] = widths_.head;
-    const DeviceInfo& info = program.device().info();
-    const auto at = [&](uint32_t channels, uint32_t divisor, uint32_t halo) {
-        return conv_layout(info, family_, channels, ceil_div(height, divisor),
-                           ceil_div(width, divisor), halo);
-    };
-    Tensors t;
-    t.planes =
-        cleared(program, image_layout(info, family_, plane_count, height, width, kPlaneHalo));
-    t.mixed = program.temporary(mixed_layout(info, family_, c, height, width));
-    t.x0 = program.temporary(at(a, 1, 0));
-    t.taps = ConvPair::scratch(program, height, width);
-    t.x1 = cleared(program, at(b, 2, 1));
-    t.inner1 = cleared(program, at(b, 2, 1));
-    t.x2 = cleared(program, at(c, 4, 1));
-    t.inner2 = cleared(program, at(c, 4, 1));
-    return t;
-}
-
-void FusionHead::record(Program& program, const Tensors& t, const Tensor& frame) const {
-    convs_.at("head.down1").record(program, t.planes, t.x1);
-    convs_.at("head.down2").record(program, t.x1, t.x2, t.mixed);
-    record_residual(program, convs_, "head.res2", t.x2, t.inner2);
-    record_residual(program, convs_, "head.res3", t.x2, t.inner2);
-    convs_.at("head.up1.conv").record(program, t.x2, t.x1, t.x1);
-    record_residual(program, convs_, "head.res1", t.x1, t.inner1);
-    convs_.at("head.up0.conv").record(program, t.x1, t.x0);
-    // relu(up0 + skip(planes)), then the output; channel 0 is the prior.
-    end_.record(program, t.planes, t.taps, frame,
-                {.start = t.x0, .added = t.planes.channels(0, 1)});
-}
-
 std::shared_ptr<const FusionMethod::Networks> FusionMethod::load(Device& device,
                                                                  const SafeTensors& weights) {
-    const FusionWidths widths(weights);
-    return std::make_shared<const Networks>(
-        Networks{FusionTrunk(device, weights, widths), FusionHead(device, weights, widths)});
+    std::vector<FusionWidths> widths{FusionWidths(weights)};
+    const bool coarse = weights.metadata().contains(std::string(kCoarse) + "trunk");
+    if (coarse) {
+        widths.emplace_back(weights, kCoarse);
+    }
+    const ConvFamily family = fusion_family(device.info(), widths);
+    const auto network = [&](const std::string& prefix, const FusionWidths& of) {
+        return Network{FusionTrunk(device, weights, prefix, of, family),
+                       FusionHead(device, weights, prefix, of, family)};
+    };
+    auto networks = std::make_shared<Networks>(Networks{{}, network("fusion.", widths.front())});
+    if (coarse) {
+        networks->coarse.emplace(network("fusion.coarse.", widths.back()));
+    }
+    return networks;
 }
 
 FusionMethod::FusionMethod(std::shared_ptr<Device> device, const SafeTensors& weights,
@@ -289,46 +46,57 @@ std::unique_ptr<Method> FusionMethod::resized(uint32_t height, uint32_t width) c
 }
 
 void FusionMethod::record(Program& program, uint32_t frames, uint32_t capacity) {
+    const bool coarse = correct_ && networks_->coarse;
+    const FusionTrunk& trunk = networks_->fine.trunk;
     events_ = EventTensors(program, height_, width_, capacity);
     blurry_ = program.input({1, height_, width_});
     threshold_input_ = program.input({1, 1, 2});
-    instants_ = program.input(instant_layout(frames));
+    instants_ = program.input(instant_layout(frames + (coarse ? anchor_count : 0)));
     output_ = program.output({frames, height_, width_});
-    const PriorInput input{events_.offset,    events_.time, events_.mark,
-                           events_.positives, blurry_,      threshold_input_};
+    Recorded recorded;
+    recorded.input = {events_.offset,    events_.time, events_.mark,
+                      events_.positives, blurry_,      threshold_input_};
 
-    PriorExposure exposure;
-    const Layout images = networks_->trunk.exposure_layout(device_->info(), height_, width_);
+    PriorExposure& exposure = recorded.exposure;
+    const Layout images = trunk.exposure_layout(device_->info(), height_, width_);
     exposure.anchors = cleared(program, images);
     exposure.context = cleared(program, images);
     exposure.base = program.temporary({1, height_, width_});
     exposure.logarithms =
         program.temporary({prior_windows + 1, (height_ + 1) / 2, (width_ + 1) / 2});
-    record_prior(program, input, exposure);
-    if (correct_) {
-        record_corrected_frames(program, input, exposure);
-    } else {
-        record_prior_frames(program, input, exposure);
+    record_prior(program, recorded.input, exposure);
+    if (!correct_) {
+        record_prior_frames(program, recorded.input, exposure);
+        return;
     }
+    recorded.velocity = program.temporary(motion_layout(height_, width_));
+    recorded.velocity_channels =
+        cleared(program, trunk.velocity_layout(device_->info(), height_, width_));
+    record_motion(program, exposure.logarithms, recorded.velocity, recorded.velocity_channels);
+    if (coarse) {
+        const Tensor sharp = cleared(program, images);
+        record_corrected_frames(program, *networks_->coarse, recorded,
+                                instants_.channels(frames, anchor_count), sharp);
+        exposure.anchors = sharp;
+    }
+    record_corrected_frames(program, networks_->fine, recorded, instants_.channels(0, frames),
+                            output_);
 }
 
-void FusionMethod::record_corrected_frames(Program& program, const PriorInput& input,
-                                           const PriorExposure& exposure) const {
-    const Tensor velocity = program.temporary(motion_layout(height_, width_));
-    const Tensor channels =
-        cleared(program, networks_->trunk.velocity_layout(device_->info(), height_, width_));
-    record_motion(program, exposure.logarithms, velocity, channels);
-    const Tensor features = networks_->trunk.record(program, exposure, channels);
-
-    const FusionHead::Tensors head = networks_->head.prepare(program, height_, width_);
+void FusionMethod::record_corrected_frames(Program& program, const Network& network,
+                                           const Recorded& recorded, const Tensor& instants,
+                                           const Tensor& frames) const {
+    const auto& [input, exposure, velocity, velocity_channels] = recorded;
+    const Tensor features = network.trunk.record(program, exposure, velocity_channels);
+    const FusionHead::Tensors head = network.head.prepare(program, height_, width_);
     const Tensor away = program.temporary(velocity.layout());
-    for (uint32_t i = 0; i < output_.layout().channels; ++i) {
-        const Tensor instant = instants_.channels(i, 1);
+    for (uint32_t i = 0; i < frames.layout().channels; ++i) {
+        const Tensor instant = instants.channels(i, 1);
         record_prior_frame(program, input, exposure.base, instant, head.planes);
         record_trajectory(program, velocity, instant, away);
         record_fusion_fetch(program, exposure.anchors, away, instant, head.planes);
         record_fusion_mix(program, features, instant, head.mixed);
-        networks_->head.record(program, head, output_.channels(i, 1));
+        network.head.record(program, head, frames.channels(i, 1));
     }
 }
 
@@ -351,7 +119,12 @@ void FusionMethod::begin(const FrameInput& input) {
     events_.write(program, packed);
     program.write(blurry_, input.blurry);
     program.write(threshold_input_, std::as_bytes(std::span(&input.thresholds, 1)));
-    const auto instants = make_instants(input.times);
+    std::vector<double> times(input.times.begin(), input.times.end());
+    if (instants_.layout().channels > count) { // the coarse network has frames there
+        const auto anchors = anchor_times();
+        times.insert(times.end(), anchors.begin(), anchors.end());
+    }
+    const auto instants = make_instants(times);
     program.write(instants_, std::as_bytes(std::span(instants)));
     program_.submit(output_);
 }

@@ -24,6 +24,18 @@ double allowed_loss(Quality quality) {
 
 } // namespace
 
+const char* quality_name(Quality quality) {
+    switch (quality) {
+    case Quality::fast:
+        return "fast";
+    case Quality::balanced:
+        return "balanced";
+    case Quality::best:
+        break;
+    }
+    return "best";
+}
+
 ModelFamily::ModelFamily(const std::filesystem::path& file) {
     const auto fail = [&](const std::string& what) -> Error {
         return {ExitCode::bad_input, "model family " + file.string() + ": " + what};

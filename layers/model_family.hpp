@@ -13,6 +13,9 @@ enum class Quality {
     best,     ///< the smallest that loses at most 0.1 dB in scenes like it
 };
 
+/// "fast", "balanced" or "best".
+const char* quality_name(Quality quality);
+
 /// Models of one kind in several sizes, smallest first, and how much accuracy each loses against
 /// the largest, by the events a pixel that a scene has: what there is to tell apart. Read from
 /// weights/family.json, which tools/benchmark/family measures and writes.

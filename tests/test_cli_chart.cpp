@@ -87,6 +87,28 @@ TEST_SUITE("cli chart") {
         CHECK(lines(fs::path(out) / "chart.csv").size() == 3);
     }
 
+    TEST_CASE("auto at each quality, which computes what moves: as deblur finds") {
+        const Scene& scene = Scene::get();
+        const json points =
+            json::parse(
+                must({"chart", "--scenes", scene.grey.string(), "-m", "auto", "--json"}).out)
+                .at("points");
+        REQUIRE(points.size() == 6);
+        const std::vector<std::string> expected = {"auto, fast", "auto, balanced", "auto, best"};
+        for (size_t i = 0; i < expected.size(); ++i) {
+            CHECK(points[i].at("name") == expected[i]);
+            CHECK(points[i].at("ms_most") == points[i].at("ms")); // the only scene
+        }
+        const std::string sharp = scene.result("chart-auto.npy");
+        must({"deblur", "-i", scene.grey.string(), "-o", sharp, "--quality", "fast", "--frames",
+              std::to_string(names(scene.grey / "truth").size())});
+        const json same = json::parse(must({"eval", "--truth", (scene.grey / "truth").string(),
+                                            "--prediction", sharp, "--json"})
+                                          .out);
+        CHECK(points[0].at("psnr").get<double>() ==
+              doctest::Approx(same.at("psnr").get<double>()).epsilon(1e-6));
+    }
+
     TEST_CASE("what is not a scene is refused, and nothing is left behind") {
         const Scene& scene = Scene::get();
         const fs::path empty = scene.folder / "empty";

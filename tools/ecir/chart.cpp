@@ -68,14 +68,17 @@ void run(const Options& options) {
         output.emplace(options.output, true, options.overwrite);
     }
     const auto device = Device::open(options.device);
-    auto points = chart_configurations(options.models.empty() ? model_names() : options.models,
-                                       options.most_refine);
+    std::vector<std::string> models = options.models;
+    if (models.empty()) {
+        models = model_names();
+        models.emplace_back("auto");
+    }
+    auto points = chart_configurations(models, options.most_refine);
     {
         Console console("configuration", points.size());
         for (size_t i = 0; i < points.size(); ++i) {
             console.progress(i);
-            measure_accuracy(points[i], device, scenes);
-            measure_cost(points[i], device, scenes.front());
+            measure(points[i], device, scenes);
         }
     }
     const auto all = report(points, device->info(), scenes);
@@ -123,7 +126,9 @@ void add_chart(CLI::App& app) {
     command->add_flag("--json", options->json, "Print as JSON");
     command->footer(
         "Every model at full and half size (enlarged again to be compared), networks also without\n"
-        "their refinement. Times are medians for a blurry frame in steady state.\n"
+        "their refinement. Models compute the whole image; `auto`, at each --quality of deblur, "
+        "what\n"
+        "moves. Times are means over the scenes, for a blurry frame in steady state.\n"
         "Scenes come from `ecir simulate` or tools/train/simulate.py.\n"
         "\n"
         "Example:\n"

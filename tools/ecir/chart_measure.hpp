@@ -26,17 +26,14 @@ struct ChartScene {
 std::vector<ChartScene> read_chart_scenes(const std::filesystem::path& folder);
 
 /// What there is to compare: every model, networks also without their refinement and E-CIR with 1
-/// to `most_refine` iterations, all also at half size.
+/// to `most_refine` iterations, `auto` at each quality; all also at half size.
 std::vector<ChartPoint> chart_configurations(const std::vector<std::string>& models,
                                              uint32_t most_refine);
 
-/// Fills in the accuracy over the scenes, each as a recording of its own.
-void measure_accuracy(ChartPoint& point, const std::shared_ptr<Device>& device,
-                      const std::vector<ChartScene>& scenes);
-
-/// Fills in time and operations: the first scene's frame over and over on one Deblur object, image
-/// and events in host memory to frames in host memory, at the size that the point works at.
-void measure_cost(ChartPoint& point, const std::shared_ptr<Device>& device,
-                  const ChartScene& scene);
+/// Fills in accuracy, time and operations over the scenes, each as a recording of its own whose
+/// thresholds, estimated once, are known when the time is taken: from image and events in host
+/// memory to frames in host memory, at the size that the point works at.
+void measure(ChartPoint& point, const std::shared_ptr<Device>& device,
+             const std::vector<ChartScene>& scenes);
 
 } // namespace ecir::cli

@@ -7,6 +7,9 @@ namespace ecir::cli {
 
 std::string ChartPoint::name() const {
     std::string text = model;
+    if (quality) {
+        text += std::string(", ") + quality_name(*quality);
+    }
     if (refine) {
         text += ", refine " + std::to_string(*refine);
     }
@@ -33,24 +36,29 @@ std::vector<bool> pareto_front(std::span<const ChartPoint> points, ChartValue co
 }
 
 void to_json(nlohmann::ordered_json& json, const ChartPoint& point) {
-    json = {{"name", point.name()}, {"model", point.model}, {"refine", nullptr},
-            {"scale", point.scale}, {"psnr", point.psnr},   {"ssim", point.ssim},
-            {"gflop", point.gflop}, {"ms", point.ms},       {"ms_spread", point.ms_spread}};
+    json = {{"name", point.name()},    {"model", point.model}, {"quality", nullptr},
+            {"refine", nullptr},       {"scale", point.scale}, {"psnr", point.psnr},
+            {"ssim", point.ssim},      {"gflop", point.gflop}, {"ms", point.ms},
+            {"ms_most", point.ms_most}};
+    if (point.quality) {
+        json["quality"] = quality_name(*point.quality);
+    }
     if (point.refine) {
         json["refine"] = *point.refine;
     }
 }
 
 std::string to_csv(std::span<const ChartPoint> points) {
-    std::string text = "model,refine,scale,psnr_db,ssim,gflop,ms,ms_spread,front\n";
+    std::string text = "model,quality,refine,scale,psnr_db,ssim,gflop,ms,ms_most,front\n";
     const auto front = pareto_front(points, &ChartPoint::ms, &ChartPoint::psnr);
     for (size_t i = 0; i < points.size(); ++i) {
         const ChartPoint& point = points[i];
         char line[256];
-        std::snprintf(
-            line, sizeof line, "%s,%s,%g,%.3f,%.4f,%.4g,%.4g,%.3g,%d\n", point.model.c_str(),
-            point.refine ? std::to_string(*point.refine).c_str() : "", point.scale, point.psnr,
-            point.ssim, point.gflop, point.ms, point.ms_spread, front[i] ? 1 : 0);
+        std::snprintf(line, sizeof line, "%s,%s,%s,%g,%.3f,%.4f,%.4g,%.4g,%.4g,%d\n",
+                      point.model.c_str(), point.quality ? quality_name(*point.quality) : "",
+                      point.refine ? std::to_string(*point.refine).c_str() : "", point.scale,
+                      point.psnr, point.ssim, point.gflop, point.ms, point.ms_most,
+                      front[i] ? 1 : 0);
         text += line;
     }
     return text;

@@ -6,20 +6,24 @@
 #include <string>
 #include <vector>
 
+#include "layers/model_family.hpp"
+
 namespace ecir::cli {
 
 /// A way to run `ecir deblur`, with what it gives and costs: a point of the chart.
 struct ChartPoint {
     std::string model;
     std::optional<uint32_t> refine; ///< unset: as trained
-    double scale = 1;               ///< of width and height (--size); results enlarged again
-    double psnr = 0;                ///< dB, mean over the evaluation scenes' frames
+    /// Of the model `auto`, which computes only what moves; all others compute the whole image.
+    std::optional<Quality> quality;
+    double scale = 1; ///< of width and height (--size); results enlarged again
+    double psnr = 0;  ///< dB, mean over the evaluation scenes' frames
     double ssim = 0;
-    double gflop = 0;     ///< a blurry frame
-    double ms = 0;        ///< a blurry frame in steady state, median
-    double ms_spread = 0; ///< half the distance between the quartiles
+    double gflop = 0;   ///< a blurry frame, mean over the scenes
+    double ms = 0;      ///< a blurry frame in steady state, mean over the scenes
+    double ms_most = 0; ///< of the slowest scene
 
-    /// "ecir, refine 2, size 1/2".
+    /// "ecir, refine 2, size 1/2", "auto, balanced".
     [[nodiscard]] std::string name() const;
 };
 

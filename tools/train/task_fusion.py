@@ -3,19 +3,23 @@ import numpy as np
 import torch
 
 from fusion import ANCHORS, Fusion
-from training import psnr
+from training import load_checkpoint, psnr
 
 WEIGHTS = {"frames": 10.0, "log": 0.3, "mean": 250.0}
 LARGEST_GRADIENT = 2.0
-SIZES = {"small": ((16, 32, 64, 96), (8, 16, 32)), "base": ((32, 64, 96, 128), (16, 32, 48)),
-         "large": ((32, 64, 96, 128), (16, 48, 80))}
+SIZES = {"tiny": ((8, 16, 32, 48), (4, 8, 16)), "small": ((16, 32, 64, 96), (8, 16, 32)),
+         "base": ((32, 64, 96, 128), (16, 32, 48))}
 FRAMES = 2      # of a scene's random times, a step
 SATURATED = 0.97    # blurry values from here on may be less than the mean
 
 
 def config(args):
     trunk, head = SIZES[args.size]
-    return {"trunk": trunk, "head": head}
+    settings = {"trunk": trunk, "head": head}
+    if args.coarse:
+        coarse = load_checkpoint(args.coarse, "cpu")["config"]
+        settings["coarse"] = (coarse["trunk"], coarse["head"])
+    return settings
 
 
 def build(settings):
@@ -106,6 +110,7 @@ def export(model, dtype, text):
     """Tensors and metadata of the exported file."""
     tensors = {"fusion." + name: value.detach().cpu().numpy().astype(dtype)
                for name, value in model.state_dict().items()}
-    trunk, head = model.widths
-    return tensors, {"model": "fusion", "trunk": " ".join(map(str, trunk)), "head": " ".join(map(str, head)),
-                     "training": text}
+    networks = {"": model, "coarse_": model.coarse} if model.coarse else {"": model}
+    widths = {prefix + part: " ".join(map(str, part_widths)) for prefix, network in networks.items()
+              for part, part_widths in zip(("trunk", "head"), network.widths)}
+    return tensors, {"model": "fusion", **widths, "training": text}
