@@ -35,6 +35,13 @@ class Photos(list):
         return World(rng, self, size, travel)
 
 
+class StandingPhotos(Photos):
+    """Photos from which worlds are made that a standing camera sees: objects move, the background does not."""
+
+    def world(self, rng, size, travel):
+        return World(rng, self, size, travel, standing=True)
+
+
 class Motion:
     """A homography over time, from centred picture coordinates to the surface's own, in pixels.
 
@@ -171,8 +178,8 @@ def random_mask(rng, size):
 class World:
     """A background and the objects before it; `gain` may vary with time and exceed the white level."""
 
-    def __init__(self, rng, photos, size, travel):
-        self.size = size
+    def __init__(self, rng, photos, size, travel, standing=False):
+        self.size, self.standing = size, standing
         for _ in range(CONTENT_DRAWS):
             self._compose(rng, photos, travel)
             if self._has_content():
@@ -180,9 +187,10 @@ class World:
 
     def _compose(self, rng, photos, travel):
         size = self.size
-        self.background = self._surface(rng, photos, Motion(rng, size, travel), 0.1)
+        self.background = self._surface(rng, photos, Motion(rng, size, 0 if self.standing else travel), 0.1)
         self.objects = []
-        for _ in range(int(rng.choice(4, p=(0.6, 0.2, 0.12, 0.08)))):
+        count = int(rng.choice(4, p=(0.6, 0.2, 0.12, 0.08)))
+        for _ in range(max(count, 1) if self.standing else count):
             motion = Motion(rng, size, rng.uniform(2, max(1.2 * travel, 12)))
             surface = self._surface(rng, photos, motion, 0.3)
             mask = random_mask(rng, size)

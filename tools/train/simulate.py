@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from scenes import load_photos
+from scenes import StandingPhotos, load_photos
 from sensor import Sensor
 
 EXPOSURE_US = 120000
@@ -102,6 +102,7 @@ def main():
     parser.add_argument("--size", default="240x180", help="WxH")
     parser.add_argument("--travel", type=float, nargs=2, metavar=("LOW", "HIGH"), help="pixels; default: 3 to 100")
     parser.add_argument("--sensor", choices=("evaluation", "training"), default="evaluation")
+    parser.add_argument("--standing", action="store_true", help="the camera stands still, objects move")
     parser.add_argument("--seed", type=int, default=1)
     args = parser.parse_args()
     try:
@@ -109,12 +110,15 @@ def main():
     except ValueError:
         parser.error(f"--size '{args.size}' is not of the form WxH")
     photos = load_photos(args.images)
+    if args.standing:
+        photos = StandingPhotos(photos)
     for i in range(args.first, args.first + args.scenes):
         travel = np.random.default_rng([args.seed, i, 1]).uniform(*args.travel) if args.travel else None
         scene = make_scene(photos, args.seed, i, (height, width), travel, sensor=getattr(Sensor, args.sensor))
         folder = os.path.join(args.output, f"{i:06d}")
         write_recording(scene, folder)
-        print(f"{folder}: travel {scene.world.travel():.1f} px, {len(scene.t)} events, thresholds "
+        print(f"{folder}: travel {scene.world.travel():.1f} px, fastest {scene.world.fastest():.1f} px, "
+              f"{len(scene.t)} events, thresholds "
               f"{scene.sensor.positive:.3f} {scene.sensor.negative:.3f}")
 
 

@@ -211,6 +211,15 @@ class Simulator(unittest.TestCase):
         still = np.abs(world.render(0.1 + step) - world.render(0.1))[inside].mean()
         self.assertLess(np.abs(moved - world.render(0.1))[inside].mean(), 0.35 * still)
 
+    def test_a_standing_camera_sees_objects_move(self):
+        source = scenes.StandingPhotos([np.random.default_rng(0).random((200, 300)).astype(np.float32)])
+        scene = simulate.make_scene(source, 5, 0, (48, 64), 12.0)
+        self.assertEqual(scene.world.travel(), 0)
+        self.assertGreater(scene.world.fastest(), 0)
+        moved = (scene.truth[0] != scene.truth[-1]).mean()
+        self.assertGreater(moved, 0)
+        self.assertLess(moved, 0.9)
+
     def test_events_follow_the_log_intensity(self):
         sensor = Sensor(positive=0.2, negative=0.2, sigma=0.0, warm=False)
         level = np.exp(np.linspace(-2, -2 + 1.1, 12)) - sensor.log_eps
@@ -272,6 +281,16 @@ class Packing(unittest.TestCase):
             packed = pack.curve_arrays(source, 1, 0, (180, 240))
             self.assertEqual(packed["truth"].shape, (20, 180, 240))
             self.assertGreater(int(packed["histogram"].sum()), 1000)
+
+    def test_a_coarse_network_stands_for_the_prior_at_the_anchors(self):
+        model = fusion.Fusion((8, 8, 8, 8), (8, 8, 8)).eval()
+        with torch.no_grad():
+            model.head.out.weight.zero_()
+            model.head.out.bias.fill_(0.25)
+        plain, packed = (pack.fusion_arrays(Simulator.photos, 3, 1, (48, 64), 8, coarse=coarse)
+                         for coarse in (None, model))
+        np.testing.assert_allclose(packed["anchors"], plain["anchors"].astype(float) + 0.25, atol=2e-3)
+        np.testing.assert_array_equal(packed["prior"], plain["prior"])
 
     def test_shards(self):
         with tempfile.TemporaryDirectory() as cache:
