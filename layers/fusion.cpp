@@ -86,10 +86,8 @@ void FusionMethod::record(Program& program, uint32_t frames, uint32_t capacity) 
 void FusionMethod::record_corrected_frames(Program& program, const Network& network,
                                            const Recorded& recorded, const Tensor& instants,
                                            const Tensor& frames) const {
-    const PriorInput& input = recorded.input;
-    const PriorExposure& exposure = recorded.exposure;
-    const auto [features, velocity] =
-        network.trunk.record(program, exposure, recorded.velocity, recorded.velocity_channels);
+    const auto& [input, exposure, velocity, velocity_channels] = recorded;
+    const Tensor features = network.trunk.record(program, exposure, velocity_channels);
     const FusionHead::Tensors head = network.head.prepare(program, height_, width_);
     const Tensor away = program.temporary(velocity.layout());
     for (uint32_t i = 0; i < frames.layout().channels; ++i) {

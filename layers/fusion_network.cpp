@@ -12,8 +12,7 @@ namespace ecir {
 namespace {
 
 constexpr uint32_t kMostChannels = 1024;
-constexpr uint32_t kFlowChannels = 20; ///< 2 * anchor_count filled up to what all families take
-constexpr uint32_t kPlaneHalo = 2;     ///< of the head's input: its first convolution is 5x5
+constexpr uint32_t kPlaneHalo = 2; ///< of the head's input: its first convolution is 5x5
 
 /// The numbers in a metadata entry, as many as `widths` has, divided by spaces.
 void read_widths(const SafeTensors& weights, const std::string& key, std::span<uint32_t> widths) {
@@ -81,6 +80,9 @@ struct Loader {
         }
         table.emplace(name, Conv(device, desc, maps, weight, bias, family));
     }
+    void plain(const std::string& name, uint32_t in, uint32_t out) {
+        add(name, {in}, {.out_channels = out});
+    }
     void down(const std::string& name, const std::vector<uint32_t>& inputs, uint32_t out,
               uint32_t kernel = 3) {
         add(name, inputs, {.out_channels = out, .kernel = kernel, .stride = 2, .relu = true});
@@ -93,15 +95,6 @@ struct Loader {
         for (const char* part : {".a", ".b"}) {
             add(name + part, {channels}, {.out_channels = channels, .relu = true});
         }
-    }
-    /// To what the velocity lacks, filled up to kFlowChannels.
-    void flow(const std::string& name, uint32_t in) {
-        std::vector<float> weight = get(name + ".weight", {2 * anchor_count, in, 3, 3});
-        std::vector<float> bias = get(name + ".bias", {2 * anchor_count});
-        weight.resize(size_t{kFlowChannels} * in * 9);
-        bias.resize(kFlowChannels);
-        table.emplace(name, Conv(device, {.out_channels = kFlowChannels}, {channel_range(0, in)},
-                                 weight, bias, family));
     }
     /// To the coefficients of the head's features, each set filled up to whole blocks.
     void basis(const std::string& name, uint32_t in, uint32_t channels) {
@@ -136,7 +129,6 @@ void record_residual(Program& program, const ConvTable& convs, const std::string
 FusionWidths::FusionWidths(const SafeTensors& weights, const std::string& prefix) {
     read_widths(weights, prefix + "trunk", trunk);
     read_widths(weights, prefix + "head", head);
-    flow = weights.metadata().contains(prefix + "flow");
 }
 
 ConvFamily fusion_family(const DeviceInfo& info, std::span<const FusionWidths> networks) {
@@ -173,9 +165,6 @@ FusionTrunk::FusionTrunk(Device& device, const SafeTensors& weights, const std::
     load.up("trunk.up2", c, b);
     load.residual("trunk.res7", b);
     load.basis("trunk.feature", b, widths.head[2]);
-    if (widths.flow) {
-        load.flow("trunk.flow", c);
-    }
 }
 
 Layout FusionTrunk::exposure_layout(const DeviceInfo& info, uint32_t height, uint32_t width) const {
@@ -186,9 +175,8 @@ Layout FusionTrunk::velocity_layout(const DeviceInfo& info, uint32_t height, uin
     return conv_layout(info, family_, 2 * anchor_count, ceil_div(height, 8), ceil_div(width, 8), 1);
 }
 
-FusionTrunk::Found FusionTrunk::record(Program& program, const PriorExposure& exposure,
-                                       const Tensor& velocity,
-                                       const Tensor& velocity_channels) const {
+Tensor FusionTrunk::record(Program& program, const PriorExposure& exposure,
+                           const Tensor& velocity) const {
     const auto [a, b, c, d] = widths_.trunk;
     const uint32_t height = exposure.anchors.layout().height;
     const uint32_t width = exposure.anchors.layout().width;
@@ -215,7 +203,7 @@ FusionTrunk::Found FusionTrunk::record(Program& program, const PriorExposure& ex
     conv("down1").record(program, inputs, x1);
     conv("down2").record(program, x1, x2);
     residual("res2", x2, inner2);
-    conv("motion").record(program, velocity_channels, x3);
+    conv("motion").record(program, velocity, x3);
     conv("down3").record(program, x2, x3, x3);
     residual("res3", x3, inner3);
     conv("down4").record(program, x3, x4);
@@ -223,21 +211,12 @@ FusionTrunk::Found FusionTrunk::record(Program& program, const PriorExposure& ex
     residual("res5", x4, inner4);
     conv("up3.conv").record(program, x4, x3, x3);
     residual("res6", x3, inner3);
-    Tensor corrected = velocity;
-    if (widths_.flow) {
-        const Layout& cells = velocity.layout();
-        const Tensor lacking = program.temporary(
-            conv_layout(info, family_, kFlowChannels, cells.height, cells.width, 0));
-        conv("flow").record(program, x3, lacking);
-        corrected = program.temporary(cells);
-        record_motion_correction(program, velocity, lacking.channels(0, cells.channels), corrected);
-    }
     conv("up2.conv").record(program, x3, x2, x2);
     residual("res7", x2, inner2);
     const Tensor features = program.temporary(
         fusion_basis_layout(mixed_layout(info, family_, widths_.head[2], height, width)));
     conv("feature").record(program, x2, features);
-    return {features, corrected};
+    return features;
 }
 
 FusionHead::FusionHead(Device& device, const SafeTensors& weights, const std::string& prefix,

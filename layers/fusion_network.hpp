@@ -16,7 +16,6 @@ namespace ecir {
 struct FusionWidths {
     std::array<uint32_t, 4> trunk{}; ///< at 1/2, 1/4, 1/8 and 1/16 of the size
     std::array<uint32_t, 3> head{};  ///< at the full size, at 1/2 and 1/4
-    bool flow = false;               ///< the trunk corrects the velocity; metadata `flow`
 
     /// prefix: of the metadata's names. Throws Error(bad_input) for metadata that is missing or out
     /// of range.
@@ -46,14 +45,9 @@ public:
     [[nodiscard]] Layout velocity_layout(const DeviceInfo& info, uint32_t height,
                                          uint32_t width) const;
 
-    struct Found {
-        Tensor features; ///< fusion_basis_layout() of the head's last width, a quarter of the size
-        Tensor velocity; ///< motion_layout(): `velocity`, corrected by a network that does so
-    };
-    /// velocity, velocity_channels: of record_motion(). What fills up the last block of the latter
-    /// must be finite.
-    Found record(Program& program, const PriorExposure& exposure, const Tensor& velocity,
-                 const Tensor& velocity_channels) const;
+    /// Returns the features, fusion_basis_layout() of the head's last width at a quarter of the
+    /// size. What fills up the last block of `velocity` must be finite.
+    Tensor record(Program& program, const PriorExposure& exposure, const Tensor& velocity) const;
 
 private:
     FusionWidths widths_;

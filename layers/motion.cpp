@@ -60,16 +60,6 @@ struct VelocityPush {
 };
 static_assert(sizeof(VelocityPush) == 32);
 
-/// Mirrors the push constants of shaders/motion_correct.comp.
-struct CorrectPush {
-    PushLayout correction;
-    uint32_t velocity_origin = 0;
-    uint32_t corrected_origin = 0;
-    uint32_t columns = 0;
-    uint32_t rows = 0;
-};
-static_assert(sizeof(CorrectPush) == 32);
-
 namespace shader {
 using uint = uint32_t;
 #include "shaders/fusion_constants.glsl"
@@ -190,24 +180,6 @@ void record_motion(Program& program, const Tensor& logarithms, const Tensor& vel
     dispatch.set_push(VelocityPush{PushLayout(channels), origin(moved, kComponents),
                                    origin(velocity, kComponents), cells.width, cells.height});
     dispatch.groups = pixel_groups(cells, anchor_count);
-    program.add(std::move(dispatch));
-}
-
-void record_motion_correction(Program& program, const Tensor& velocity, const Tensor& correction,
-                              const Tensor& corrected) {
-    const Layout& field = velocity.layout();
-    require_shapes(field.channels == kComponents * anchor_count && field.block == kComponents &&
-                       is_dense(velocity) &&
-                       has_shape(corrected, field.channels, field.height, field.width) &&
-                       corrected.layout().block == field.block && is_dense(corrected) &&
-                       has_shape(correction, field.channels, field.height, field.width),
-                   "motion correction", {velocity, correction, corrected});
-    Dispatch dispatch =
-        make(program, "motion_correct", {}, {read(velocity), read(correction), write(corrected)},
-             sizeof(CorrectPush));
-    dispatch.set_push(CorrectPush{PushLayout(correction), origin(velocity, kComponents),
-                                  origin(corrected, kComponents), field.width, field.height});
-    dispatch.groups = pixel_groups(field, anchor_count);
     program.add(std::move(dispatch));
 }
 

@@ -26,12 +26,4 @@ Layout motion_layout(uint32_t height, uint32_t width);
 void record_motion(Program& program, const Tensor& logarithms, const Tensor& velocity,
                    const Tensor& channels);
 
-/// Records corrected = velocity + 20 correction.
-/// velocity, corrected  of motion_layout(), pixels a unit of time
-/// correction           what the network's trunk found lacking, in the scale of `channels` above:
-///                      2 * anchor_count channels of the same size, any layout
-/// Throws Error(bad_input) for shapes that do not match.
-void record_motion_correction(Program& program, const Tensor& velocity, const Tensor& correction,
-                              const Tensor& corrected);
-
 } // namespace ecir

@@ -41,7 +41,6 @@ constexpr std::array kOperations = {
     Operation{"motion", 1e-5, "float32 differences of logarithms", 9, motion_trial, 1},
     Operation{"motion_oblique", 1e-4, "along stripes the moments' rounding over the ridge", 2,
               motion_oblique_trial},
-    Operation{"motion_correct", 1e-6, "one float32 product and sum", 4, motion_correct_trial, 1},
     Operation{"trajectory", 1e-5, "8 float32 steps", 9, trajectory_trial, 1},
     Operation{"fusion_fetch", 1e-5, "float32 positions", 9, fusion_fetch_trial, 1},
     Operation{"fusion_mix", 1e-6, "float32 sums of 4 products", 7, fusion_mix_trial, 1},

@@ -319,36 +319,4 @@ Trial motion_oblique_trial(Device& device, uint32_t trial) {
     return make_trial(device, oblique_cases.at(trial), CaseRandom(950 + trial), 0.7);
 }
 
-Trial motion_correct_trial(Device& device, uint32_t trial) {
-    struct CorrectCase {
-        uint32_t height, width, block, halo;
-    };
-    static constexpr std::array<CorrectCase, 4> cases = {
-        {{23, 30, 1, 1}, {2, 2, 1, 0}, {3, 131, 0, 1}, {17, 64, 8, 0}}};
-    const auto [height, width, block, halo] = cases.at(trial);
-    CaseRandom random(970 + trial);
-    Trial result;
-    result.shape = std::to_string(width) + "x" + std::to_string(height) + " cells, block " +
-                   std::to_string(block);
-    result.program = std::make_unique<Program>(device);
-    Program& program = *result.program;
-    const Layout field = motion_layout(8 * height, 8 * width);
-    const Layout layout{field.channels, height, width, case_block(device, block), halo};
-    const Tensor velocity = program.input(field);
-    const Tensor correction = program.input(layout);
-    result.output = program.output(field);
-    result.first_step = program.steps();
-    record_motion_correction(program, velocity, correction, result.output);
-    program.finish();
-    const size_t count = size_t{field.channels} * height * width;
-    const auto found = random.values(count, -90, 90);
-    const auto lacking = random.values(count, -2, 2);
-    program.write(velocity, from_dense(field, found));
-    program.write(correction, from_dense(layout, lacking));
-    for (size_t i = 0; i < count; ++i) {
-        result.reference.push_back(found[i] + 20.0 * lacking[i]);
-    }
-    return result;
-}
-
 } // namespace ecir

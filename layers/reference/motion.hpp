@@ -19,7 +19,5 @@ namespace ecir {
 /// Cases of record_motion() (layers/motion.hpp), and those of stripes that no axis is along.
 Trial motion_trial(Device& device, uint32_t trial);
 Trial motion_oblique_trial(Device& device, uint32_t trial);
-/// Cases of record_motion_correction().
-Trial motion_correct_trial(Device& device, uint32_t trial);
 
 } // namespace ecir

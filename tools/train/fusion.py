@@ -63,10 +63,9 @@ def _down(cin, cout, kernel=3):
 
 
 class Trunk(nn.Module):
-    """Once an exposure: features for the head, at a quarter of the resolution, and with `flow` what the
-    estimated velocity lacks: least squares make it too small where few events fall, and 0 where none does."""
+    """Once an exposure: features for the head, at a quarter of the resolution."""
 
-    def __init__(self, widths, head_width, flow=False):
+    def __init__(self, widths, head_width):
         super().__init__()
         a, b, c, d = widths
         self.down1 = _down(2 * ANCHORS, a)      # anchors, blurry frame, counts between anchors
@@ -77,14 +76,10 @@ class Trunk(nn.Module):
         self.up3, self.res6 = _Up(d, c), _Residual(c)
         self.up2, self.res7 = _Up(c, b), _Residual(b)
         self.feature = nn.Conv2d(b, BASIS * head_width, 3, padding=1)
-        self.flow = nn.Conv2d(c, 2 * ANCHORS, 3, padding=1) if flow else None
-        if flow:
-            nn.init.zeros_(self.flow.weight)
-            nn.init.zeros_(self.flow.bias)
 
     def forward(self, anchors, blurry, counts, velocity):
         """anchors N x 9, blurry N x 1, counts N x 8, velocity N x 18 (x, y by anchor, a cell of 8
-        pixels) -> N x BASIS * head width, velocity."""
+        pixels) -> N x BASIS * head width."""
         x = torch.cat([anchors, blurry, COUNT_SCALE * torch.log2(1 + counts)], 1)
         x = F.relu(self.down1(x.contiguous(memory_format=torch.channels_last)))
         x2 = self.res2(F.relu(self.down2(x)))
@@ -92,10 +87,8 @@ class Trunk(nn.Module):
         x3 = self.res3(F.relu(self.down3(x2) + x3))
         x4 = self.res5(self.res4(F.relu(self.down4(x3))))
         x3 = self.res6(self.up3(x4, x3))
-        if self.flow:
-            velocity = velocity + self.flow(x3).float() / VELOCITY_SCALE
         x2 = self.res7(self.up2(x3, x2))
-        return self.feature(x2), velocity
+        return self.feature(x2)
 
 
 class Head(nn.Module):
@@ -177,14 +170,13 @@ class Fusion(nn.Module):
     """Trunk and head; widths of the trunk at 1/2, 1/4, 1/8, 1/16 of the resolution, of the head at 1, 1/2, 1/4.
 
     coarse: widths (trunk, head) of a smaller network whose frames at the anchors stand for the prior's
-    there (sharpened()): refinement across time. It is trained beforehand and kept as it is. flow: the trunk
-    corrects the velocity.
+    there (sharpened()): refinement across time. It is trained beforehand and kept as it is.
     """
 
-    def __init__(self, trunk=(32, 64, 96, 128), head=(16, 32, 48), coarse=None, flow=False):
+    def __init__(self, trunk=(32, 64, 96, 128), head=(16, 32, 48), coarse=None):
         super().__init__()
         self.widths = (tuple(trunk), tuple(head))
-        self.trunk, self.head = Trunk(trunk, head[2], flow), Head(head)
+        self.trunk, self.head = Trunk(trunk, head[2]), Head(head)
         self.coarse = Fusion(*coarse).requires_grad_(False) if coarse else None
         with torch.no_grad():   # start from the prior as it is
             self.head.out.weight.mul_(0.1)
@@ -224,11 +216,7 @@ class Fusion(nn.Module):
         return self.coarse(exposure, anchors, surfaces, times), blurry, counts, velocity
 
     def forward(self, exposure, prior, surfaces, times, mixed=False):
-        """Frames of moved_frames() alone."""
-        return self.moved_frames(exposure, prior, surfaces, times, mixed)[0]
-
-    def moved_frames(self, exposure, prior, surfaces, times, mixed=False):
-        """Frames N x T x H x W at times [N, T], and the velocity they were made with.
+        """Frames N x T x H x W at times [N, T].
 
         exposure, sharpened() where there is a coarse network: anchors N x 9 x H x W, blurry N x 1, counts N x 8, velocity N x 9 x 2 x cells. prior:
         N x T x H x W; surfaces: N x T x 4 x H x W, already times the thresholds. mixed: convolutions in
@@ -237,8 +225,7 @@ class Fusion(nn.Module):
         precision = torch.autocast(prior.device.type, torch.bfloat16, enabled=mixed)
         anchors, blurry, counts, velocity = exposure
         with precision:
-            feature, velocity = self.trunk(anchors, blurry, counts, velocity.flatten(1, 2))
-        feature, velocity = feature.unflatten(1, (BASIS, -1)), velocity.unflatten(1, (ANCHORS, 2))
+            feature = self.trunk(anchors, blurry, counts, velocity.flatten(1, 2)).unflatten(1, (BASIS, -1))
         each = times.shape[1]
 
         def spread(value):
@@ -248,4 +235,4 @@ class Fusion(nn.Module):
                              surfaces.flatten(0, 1), flat)
         with precision:
             frames = self.correct(planes, spread(feature), flat)
-        return frames.view_as(prior), velocity
+        return frames.view_as(prior)

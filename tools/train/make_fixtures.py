@@ -198,14 +198,11 @@ def fusion_inputs(blurry, t, x, y, p, times, thresholds):
 def scaled_fusion(rng, trunk, head, inputs, coarse=None):
     """Random fusion network (half-precision weights) whose correction is visible and of order one."""
     torch.manual_seed(int(rng.integers(1 << 31)))
-    net = Fusion(trunk, head, flow=coarse is not None).double().eval()
+    net = Fusion(trunk, head).double().eval()
     with torch.no_grad():
         for conv in net.modules():
             if isinstance(conv, (torch.nn.Conv2d, torch.nn.ConvTranspose2d)):
                 conv.weight.mul_(1.8)
-        if net.trunk.flow:      # of some pixels a unit of time
-            torch.nn.init.normal_(net.trunk.flow.weight, std=0.02)
-            torch.nn.init.uniform_(net.trunk.flow.bias, -0.2, 0.2)
         net.head.out.weight.mul_(0.15 / (net(*inputs) - inputs[1]).std())
         net.head.out.bias.fill_(0.05)
         for value in net.parameters():
@@ -216,7 +213,7 @@ def scaled_fusion(rng, trunk, head, inputs, coarse=None):
 
 def write_fusion_case(path, width, height, widths, seed, coarse_widths=None):
     """Writes one case of the fusion network, every pixel of it; returns the events, the mean changes by
-    the trunk, by the head and by the coarse network, the mean change of the velocity, and the largest speed."""
+    the trunk, by the head and by the coarse network, and the largest speed."""
     rng = np.random.default_rng(seed)
     photo = Photos([synthetic_blurry(rng, 2 * height, 2 * width).astype(np.float32)])
     scene = make_scene(photo, seed, 0, (height, width), 14.0)
@@ -229,7 +226,7 @@ def write_fusion_case(path, width, height, widths, seed, coarse_widths=None):
     with torch.no_grad():
         single = net(*inputs)
         exposure = net.sharpened(inputs[0], surfaces) if coarse else inputs[0]
-        frames, velocity = net.moved_frames(exposure, *inputs[1:])
+        frames = net(exposure, *inputs[1:])
         still = net((*exposure[:3], 0 * exposure[3]), *inputs[1:])
     tensors, metadata = export_fusion(net, np.float16, "none: random reference case")
     more = {"input.blurry": blurry, "input.t": scene.t, "input.x": scene.x, "input.y": scene.y,
@@ -241,7 +238,7 @@ def write_fusion_case(path, width, height, widths, seed, coarse_widths=None):
                     for name, value in more.items()})
     write_safetensors(path, tensors, metadata)
     return len(scene.t), *((frames - other).abs().mean() for other in (still, inputs[1], single)), \
-        (velocity - exposure[3]).abs().mean(), exposure[3].abs().max()
+        exposure[3].abs().max()
 
 
 def main():
@@ -266,10 +263,9 @@ def main():
     widths, coarse = ((16, 16, 20, 24), (12, 16, 20)), ((8, 8, 12, 16), (4, 8, 12))
     for name, more in (("fusion", ()), ("fusion-coarse", (coarse,))):
         path = os.path.join(args.output, f"{name}-61x45.safetensors")
-        events, moved, corrected, refined, flow, speed = write_fusion_case(path, 61, 45, widths, 11, *more)
+        events, moved, corrected, refined, speed = write_fusion_case(path, 61, 45, widths, 11, *more)
         print(f"{path}: {os.path.getsize(path)} bytes, {events} events, mean change by the motion {moved:.3f}, "
-              f"by the head {corrected:.3f}, by the coarse network {refined:.3f}, of the velocity {flow:.1f}, largest speed "
-              f"{speed:.1f}")
+              f"by the head {corrected:.3f}, by the coarse network {refined:.3f}, largest speed {speed:.1f}")
 
 
 if __name__ == "__main__":

@@ -69,12 +69,6 @@ def coarse_frames(network, scene, surfaces):
         return network(exposure, exposure[0], surfaces, times)[0].numpy()
 
 
-def true_motion(world, size):
-    """Velocity of what is visible in the layout of motion.estimate()."""
-    field = np.stack([world.velocity(time, motion.CELL) for time in motion.ANCHORS])
-    return np.pad(field, ((0, 0), (0, 0), *((0, -(-side // motion.CELL) - side // motion.CELL) for side in size)), "edge")
-
-
 def fusion_arrays(source, seed, index, size, travel=None, even=False, coarse=None):
     """Arrays of the fusion network for one scene; even: frames at the anchors, not at random times; coarse: a
     network whose frames at the anchors are packed in place of the prior's."""
@@ -95,8 +89,7 @@ def fusion_arrays(source, seed, index, size, travel=None, even=False, coarse=Non
               "prior": prior.frames(blurry, times).astype(np.float16),
               "surfaces": np.stack([np.round(prior.surfaces(time) * 127) for time in times]).astype(np.int8),
               "counts": np.minimum(prior.counts(motion.ANCHORS), 255).astype(np.uint8),
-              "velocity": motion.estimate(fine).astype(np.float16),
-              "motion": true_motion(scene.world, size).astype(np.float16)}
+              "velocity": motion.estimate(fine).astype(np.float16)}
     if coarse:
         surfaces = np.stack([prior.surfaces(time) for time in motion.ANCHORS])
         arrays["anchors"] = coarse_frames(coarse, arrays, surfaces).astype(np.float16)

@@ -5,19 +5,17 @@ import torch
 from fusion import ANCHORS, Fusion
 from training import load_checkpoint, psnr
 
-WEIGHTS = {"frames": 10.0, "log": 0.3, "mean": 250.0, "motion": 0.5}
+WEIGHTS = {"frames": 10.0, "log": 0.3, "mean": 250.0}
 LARGEST_GRADIENT = 2.0
 SIZES = {"tiny": ((8, 16, 32, 48), (4, 8, 16)), "small": ((16, 32, 64, 96), (8, 16, 32)),
          "base": ((32, 64, 96, 128), (16, 32, 48))}
 FRAMES = 2      # of a scene's random times, a step
-VELOCITIES = ("velocity", "motion")     # estimated, true
-SLOW = 4.0      # pixels a unit of time, below which errors of the velocity do not matter more
 SATURATED = 0.97    # blurry values from here on may be less than the mean
 
 
 def config(args):
     trunk, head = SIZES[args.size]
-    settings = {"trunk": trunk, "head": head, "flow": args.flow}
+    settings = {"trunk": trunk, "head": head}
     if args.coarse:
         coarse = load_checkpoint(args.coarse, "cpu")["config"]
         settings["coarse"] = (coarse["trunk"], coarse["head"])
@@ -32,10 +30,9 @@ def augment(scene, rng):
     """Mirrors, transposes and reverses time (order turned round, polarities and signs swapped)."""
     scene = dict(scene)
     if rng.random() < 0.5:      # backwards
-        for name in ("anchors", "prior", "truth", "counts", "times", *VELOCITIES):
+        for name in ("anchors", "prior", "truth", "counts", "times", "velocity"):
             scene[name] = scene[name].flip(0)
-        for name in ("times", *VELOCITIES):
-            scene[name] = -scene[name]
+        scene["times"], scene["velocity"] = -scene["times"], -scene["velocity"]
         # Step back over an event: the one before becomes the one after, with the other sign.
         scene["surfaces"] = -scene["surfaces"].flip(0)[:, [2, 3, 0, 1]]
         scene["thresholds"] = scene["thresholds"].flip(0)
@@ -44,17 +41,15 @@ def augment(scene, rng):
             for name, value in scene.items():
                 if value.dim() >= 3:
                     scene[name] = value.flip(value.dim() - 1 - axis)
-            sign = torch.ones(2, dtype=torch.float16)
+            sign = torch.ones(2, dtype=scene["velocity"].dtype)
             sign[axis] = -1
-            for name in VELOCITIES:
-                scene[name] = scene[name] * sign.view(2, 1, 1)
+            scene["velocity"] = scene["velocity"] * sign.view(2, 1, 1)
     height, width = scene["blurry"].shape[-2:]
     if rng.random() < 0.5 and height == width:
         for name, value in scene.items():
             if value.dim() >= 3:
                 scene[name] = value.transpose(-1, -2)
-        for name in VELOCITIES:
-            scene[name] = scene[name].flip(1)
+        scene["velocity"] = scene["velocity"].flip(1)
     return scene
 
 
@@ -84,19 +79,14 @@ def batch(scenes, rng, device):
 
 
 def forward(model, b, mixed=False):
-    """Frames and velocity."""
     exposure = (b["anchors"], b["blurry"], b["counts"], b["velocity"])
-    return model.moved_frames(exposure, b["prior"], b["surfaces"], b["times"], mixed)
+    return model(exposure, b["prior"], b["surfaces"], b["times"], mixed)
 
 
 def losses(model, b, rng, progress, mixed):
-    (frames, velocity), truth = forward(model, b, mixed), b["truth"]
+    frames, truth = forward(model, b, mixed), b["truth"]
     terms = {"frames": torch.sqrt((frames - truth).square() + 1e-6).mean(),
              "log": torch.log((frames - truth).square().mean((2, 3)) + 1e-5).mean()}
-    if model.trunk.flow:
-        error = torch.sqrt((velocity - b["motion"]).square().sum(2) + 0.1)
-        speed = torch.sqrt(b["motion"].square().sum(2)).mean((1, 2, 3), keepdim=True)
-        terms["motion"] = (error / (speed + SLOW)).mean()
     if truth.shape[1] == ANCHORS:
         # The prior's mean over the exposure is the blurry frame: so must be that of what corrects it.
         change = frames - b["prior"]
@@ -111,7 +101,7 @@ def validate(model, scenes, device, count=40):
     figures = []
     for i in range(min(count, len(scenes))):
         b = stack([scenes.scene(i)], device)
-        frames, _ = forward(model, b)
+        frames = forward(model, b)
         figures.append([psnr(f, b["truth"]) for f in (b["blurry"].expand_as(frames), b["prior"], frames)])
     return dict(zip(("blurry", "prior", "fused"), np.mean(figures, 0)))
 
@@ -123,5 +113,4 @@ def export(model, dtype, text):
     networks = {"": model, "coarse_": model.coarse} if model.coarse else {"": model}
     widths = {prefix + part: " ".join(map(str, part_widths)) for prefix, network in networks.items()
               for part, part_widths in zip(("trunk", "head"), network.widths)}
-    flow = {"flow": 1} if model.trunk.flow else {}
-    return tensors, {"model": "fusion", **widths, **flow, "training": text}
+    return tensors, {"model": "fusion", **widths, "training": text}
