@@ -14,7 +14,8 @@ namespace {
 
 constexpr uint32_t kMostBins = 1024;
 constexpr uint32_t kMostIterations = 1000;
-constexpr float kBright = 0.5F; ///< least 99th percentile of a frame that stays as it is
+constexpr float kSettled = 0.25F; ///< grey levels
+constexpr float kBright = 0.5F;   ///< least 99th percentile of a frame that stays as it is
 
 [[noreturn]] void fail(const SafeTensors& weights, const std::string& what) {
     throw Error(ExitCode::bad_input, "weights file " + weights.path().string() + ": " + what);
@@ -57,6 +58,11 @@ EcirConfig::EcirConfig(const SafeTensors& weights)
     if (bins % 2 != 0) {
         fail(weights, "metadata 'histogram_bins' is odd; every interval has two channels");
     }
+    const std::string order = weights.meta("order", "full");
+    if (order != "full" && order != "events") {
+        fail(weights, "metadata 'order' is '" + order + "'; it must be full or events");
+    }
+    ordered = order == "events";
     const std::string text = weights.meta("span", "1");
     const char* end = text.data() + text.size();
     const auto [stop, error] = std::from_chars(text.data(), end, span);
@@ -66,22 +72,25 @@ EcirConfig::EcirConfig(const SafeTensors& weights)
 }
 
 EcirMethod::EcirMethod(std::shared_ptr<Device> device, const SafeTensors& weights, uint32_t height,
-                       uint32_t width, std::optional<uint32_t> refine)
+                       uint32_t width, const EcirOptions& options)
     : device_(std::move(device)), config_(weights),
       networks_(std::make_shared<const Networks>(
           Networks{UNet(*device_, weights, config_.bins, config_.keypoints),
                    Refinement(*device_, weights, !config_.release)})),
-      height_(height), width_(width), iterations_(refine.value_or(config_.iterations)) {}
+      height_(height), width_(width), iterations_(options.refine.value_or(config_.iterations)),
+      settled_(options.refine_until.value_or(config_.release ? 0 : kSettled) / 255) {
+    config_.ordered = options.ordered.value_or(config_.ordered);
+}
 
 EcirMethod::EcirMethod(std::shared_ptr<Device> device, const EcirConfig& config,
                        std::shared_ptr<const Networks> networks, uint32_t height, uint32_t width,
-                       uint32_t iterations)
+                       uint32_t iterations, float settled)
     : device_(std::move(device)), config_(config), networks_(std::move(networks)), height_(height),
-      width_(width), iterations_(iterations) {}
+      width_(width), iterations_(iterations), settled_(settled) {}
 
 std::unique_ptr<Method> EcirMethod::resized(uint32_t height, uint32_t width) const {
     return std::unique_ptr<Method>(
-        new EcirMethod(device_, config_, networks_, height, width, iterations_));
+        new EcirMethod(device_, config_, networks_, height, width, iterations_, settled_));
 }
 
 void EcirMethod::record(Program& program, uint32_t frames, uint32_t capacity) {
@@ -94,7 +103,7 @@ void EcirMethod::record(Program& program, uint32_t frames, uint32_t capacity) {
     rule_ = program.input({1, 1, 4});
     input_intervals_ = program.input({1, 1, config_.bins});
     frame_intervals_ = program.input({1, 1, std::max(2 * (frames - 1), 1U)});
-    matrix_ = program.input(curve_matrix_layout(n, frames));
+    matrix_ = program.input(curve_matrix_layout(n, frames, config_.ordered));
     output_ = program.output({frames, height_, width_});
 
     const Tensor histogram =
@@ -109,7 +118,10 @@ void EcirMethod::record(Program& program, uint32_t frames, uint32_t capacity) {
 
     const Tensor derivatives = networks_->unet.record(program, blurry_, histogram, keypoints);
 
-    const CurveOptions curve{.n = n, .spaced = !config_.release};
+    CurveOptions curve{.n = n, .spaced = !config_.release};
+    if (config_.ordered) {
+        curve.offsets = events_.offset;
+    }
     const Tensor initial = refine ? program.temporary({frames, height_, width_, 1, 1}) : output_;
     if (refine) {
         program.clear(initial);
@@ -123,7 +135,8 @@ void EcirMethod::record(Program& program, uint32_t frames, uint32_t capacity) {
             record_event_histogram(program, events_.offset, events_.mark, events_.positives,
                                    frame_intervals_, counts);
         }
-        networks_->refinement.record(program, initial, counts, output_, iterations_);
+        progress_ =
+            networks_->refinement.record(program, initial, counts, output_, iterations_, settled_);
     }
 }
 
@@ -154,7 +167,10 @@ void EcirMethod::begin(const FrameInput& input) {
     }
     events_.write(program, packed);
     std::vector<float> blurry(input.blurry.begin(), input.blurry.end());
-    Brightening brightening = brighten(blurry);
+    Begun begun{brighten(blurry), {}};
+    if (config_.ordered) {
+        begun.orders = curve_orders(packed.offset, width_, height_, config_.keypoints);
+    }
     begun_.reserve(begun_.size() + 1); // nothing may fail once the program runs
     program.write(blurry_, from_dense(blurry_.layout(), blurry));
     program.write(rule_, std::span(reinterpret_cast<const uint32_t*>(&rule), 4));
@@ -163,9 +179,10 @@ void EcirMethod::begin(const FrameInput& input) {
                                        : even_edges(intervals_count);
     program.write(input_intervals_, flat(intervals(seen, edges)));
     program.write(frame_intervals_, flat(intervals(seen, seen.times)));
-    program.write(matrix_, curve_matrix(config_.keypoints, input.times));
-    program_.submit(output_);
-    begun_.push_back(std::move(brightening));
+    program.write(matrix_, config_.ordered ? curve_series(config_.keypoints, input.times)
+                                           : curve_matrix(config_.keypoints, input.times));
+    program_.submit(output_, progress_);
+    begun_.push_back(std::move(begun));
 }
 
 /// Events tell of ratios, so a scene in less light has the same ones and the same frames but for a
@@ -187,9 +204,21 @@ EcirMethod::Brightening EcirMethod::brighten(std::vector<float>& blurry) const {
     return made;
 }
 
+MethodWork EcirMethod::work() const {
+    const auto& progress = program_.figures(); // Refinement::progress_layout()
+    const size_t most = progress.size() / 2;
+    MethodWork work{.updates = {}, .orders = orders_};
+    for (size_t i = 0; i < most && (i == 0 || settled_ == 0 || progress[most + i] != 0); ++i) {
+        work.updates.push_back(progress[i]);
+    }
+    return work;
+}
+
 std::span<const float> EcirMethod::finish() {
-    const Brightening made = std::move(begun_.at(0));
+    const Begun oldest = std::move(begun_.at(0));
     begun_.erase(begun_.begin());
+    const Brightening& made = oldest.brightening;
+    orders_ = oldest.orders;
     const auto frames = program_.finish();
     if (made.gain == 1) {
         return frames;

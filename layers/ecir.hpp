@@ -16,9 +16,19 @@ struct EcirConfig {
     uint32_t bins = 40;      ///< histogram channels m, two for each interval
     uint32_t iterations = 3; ///< of the refinement
     double span = 1;         ///< release: the U-Net's histogram covers [-span, span]
+    bool ordered = false;    ///< the curve's order follows the events (curve_orders())
 
     /// Throws Error(bad_input) for metadata that is missing or out of range.
     explicit EcirConfig(const SafeTensors& weights);
+};
+
+/// What may differ from how a network was trained.
+struct EcirOptions {
+    std::optional<uint32_t> refine{}; ///< iterations; 0 gives the initialisation alone
+    /// The refinement ends early after an iteration that changed no pixel by so many grey levels of
+    /// 255; 0: never. Unset: a quarter, for `release`, which reproduces published results, never.
+    std::optional<float> refine_until{};
+    std::optional<bool> ordered{}; ///< EcirConfig::ordered
 };
 
 /// The system of the paper (figure 3): histogram and keypoints of the events, U-Net, curve,
@@ -26,12 +36,13 @@ struct EcirConfig {
 /// frames for the networks, which trained on few, darkening their result again.
 class EcirMethod : public Method {
 public:
-    /// `refine` replaces the trained number of iterations; 0 gives the initialisation alone.
+    /// Throws Error(bad_input) for weights that are not such a network's.
     EcirMethod(std::shared_ptr<Device> device, const SafeTensors& weights, uint32_t height,
-               uint32_t width, std::optional<uint32_t> refine);
+               uint32_t width, const EcirOptions& options);
 
     void begin(const FrameInput& input) override;
     std::span<const float> finish() override;
+    [[nodiscard]] MethodWork work() const override;
     [[nodiscard]] double operations() const override { return program_.operations(); }
     [[nodiscard]] std::unique_ptr<Method> resized(uint32_t height, uint32_t width) const override;
 
@@ -47,7 +58,7 @@ private:
     };
     EcirMethod(std::shared_ptr<Device> device, const EcirConfig& config,
                std::shared_ptr<const Networks> networks, uint32_t height, uint32_t width,
-               uint32_t iterations);
+               uint32_t iterations, float settled);
     /// How a frame was brightened for the networks.
     struct Brightening {
         float gain = 1;
@@ -65,9 +76,15 @@ private:
     uint32_t height_;
     uint32_t width_;
     uint32_t iterations_;
+    float settled_; ///< largest change of a pixel, 0 to 1, after which no iteration follows
 
     MethodProgram program_;
-    std::vector<Brightening> begun_; ///< the oldest first
+    struct Begun {
+        Brightening brightening;
+        std::vector<size_t> orders;
+    };
+    std::vector<Begun> begun_;   ///< the oldest first
+    std::vector<size_t> orders_; ///< of the frame finished last
     std::vector<float> darkened_;
     EventTensors events_;
     Tensor blurry_;
@@ -76,6 +93,7 @@ private:
     Tensor frame_intervals_;
     Tensor matrix_;
     Tensor output_;
+    std::optional<Tensor> progress_; ///< of the refinement
 };
 
 } // namespace ecir

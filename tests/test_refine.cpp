@@ -22,14 +22,15 @@ std::vector<float> update(Device& device, const reference::ImageSize& size, uint
     Layout state_layout = refine_state_layout(d, size.height, size.width);
     state_layout.pitch = pitch;
     const Tensor initial_input = program.input(layout);
-    const Tensor frame_input = program.input(layout);
     const Tensor state = program.input(state_layout);
     const Tensor updated = program.output(layout);
-    record_refine_update(program, initial_input, frame_input, state, alpha, updated, largest_step);
+    const Tensor largest = program.temporary({1, 1, 1});
+    program.clear(largest);
+    record_refine_update(program, initial_input, state, alpha, updated, largest, largest_step);
     program.finish();
     program.write(initial_input, from_dense(layout, initial));
-    program.write(frame_input, from_dense(layout, frames));
-    program.write(state, from_dense(state_layout, reference::residual_state(residuals, d, size)));
+    program.write(state,
+                  from_dense(state_layout, reference::update_state(frames, residuals, size)));
     program.run();
     return to_dense(layout, program.read(updated));
 }
@@ -190,8 +191,8 @@ TEST_SUITE("refine") {
         CHECK_THROWS_AS(record_refine_state(program, frames, &counts, small), Error);
         CHECK_THROWS_AS(record_refine_state(program, narrow, &counts, state), Error);
         CHECK_THROWS_AS(record_refine_state(program, frames, &frames, state), Error);
-        CHECK_THROWS_AS(record_refine_update(program, frames, frames, small, {}, frames), Error);
-        CHECK_THROWS_AS(record_refine_update(program, frames, blocked, state, {}, frames), Error);
-        CHECK_THROWS_AS(record_refine_update(program, frames, bare, state, {}, frames), Error);
+        CHECK_THROWS_AS(record_refine_update(program, frames, small, {}, frames, bare), Error);
+        CHECK_THROWS_AS(record_refine_update(program, blocked, state, {}, frames, bare), Error);
+        CHECK_THROWS_AS(record_refine_update(program, frames, state, {}, bare, bare), Error);
     }
 }
