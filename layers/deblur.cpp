@@ -30,7 +30,7 @@ void refuse_curve_options(const std::string& method, const DeblurOptions& option
         throw Error(ExitCode::usage, method + " has no iterations that could end early; leave "
                                               "--refine-until out");
     }
-    if (options.ordered.value_or(false)) {
+    if (options.ordered) {
         throw Error(ExitCode::usage,
                     method + " has no curve whose order could follow the events; leave --order "
                              "out");

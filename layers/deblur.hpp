@@ -33,9 +33,9 @@ struct DeblurOptions {
     /// Of E-CIR: the refinement ends early after an iteration that changed no pixel by so many grey
     /// levels of 255; 0: never. Unset: a quarter, for the `release` variant never.
     std::optional<float> refine_until;
-    /// Of E-CIR: whether the curve's order follows the events that a pixel and its neighbours have,
-    /// constant without any (layers/curve.hpp). Unset: as the weights' metadata `order` says.
-    std::optional<bool> ordered;
+    /// Of E-CIR: the curve's order follows the events that a pixel and its neighbours have, constant
+    /// without any (layers/curve.hpp). Saves nothing on lavapipe, and refined frames are as good.
+    bool ordered = false;
     /// Keypoints of the curve; must be what the model was trained for.
     std::optional<uint32_t> keypoints;
     /// For `edi` and fusion networks; unset: estimated from the frames and their events, those of

@@ -58,11 +58,6 @@ EcirConfig::EcirConfig(const SafeTensors& weights)
     if (bins % 2 != 0) {
         fail(weights, "metadata 'histogram_bins' is odd; every interval has two channels");
     }
-    const std::string order = weights.meta("order", "full");
-    if (order != "full" && order != "events") {
-        fail(weights, "metadata 'order' is '" + order + "'; it must be full or events");
-    }
-    ordered = order == "events";
     const std::string text = weights.meta("span", "1");
     const char* end = text.data() + text.size();
     const auto [stop, error] = std::from_chars(text.data(), end, span);
@@ -77,33 +72,33 @@ EcirMethod::EcirMethod(std::shared_ptr<Device> device, const SafeTensors& weight
       networks_(std::make_shared<const Networks>(
           Networks{UNet(*device_, weights, config_.bins, config_.keypoints),
                    Refinement(*device_, weights, !config_.release)})),
-      height_(height), width_(width), iterations_(options.refine.value_or(config_.iterations)),
-      settled_(options.refine_until.value_or(config_.release ? 0 : kSettled) / 255) {
-    config_.ordered = options.ordered.value_or(config_.ordered);
-}
+      height_(height),
+      width_(width), extent_{options.refine.value_or(config_.iterations),
+                             options.refine_until.value_or(config_.release ? 0 : kSettled) / 255,
+                             options.ordered} {}
 
 EcirMethod::EcirMethod(std::shared_ptr<Device> device, const EcirConfig& config,
                        std::shared_ptr<const Networks> networks, uint32_t height, uint32_t width,
-                       uint32_t iterations, float settled)
+                       const Extent& extent)
     : device_(std::move(device)), config_(config), networks_(std::move(networks)), height_(height),
-      width_(width), iterations_(iterations), settled_(settled) {}
+      width_(width), extent_(extent) {}
 
 std::unique_ptr<Method> EcirMethod::resized(uint32_t height, uint32_t width) const {
     return std::unique_ptr<Method>(
-        new EcirMethod(device_, config_, networks_, height, width, iterations_, settled_));
+        new EcirMethod(device_, config_, networks_, height, width, extent_));
 }
 
 void EcirMethod::record(Program& program, uint32_t frames, uint32_t capacity) {
     const uint32_t block = channel_block(device_->info());
     const uint32_t n = config_.keypoints;
-    const bool refine = iterations_ > 0;
+    const bool refine = extent_.iterations > 0;
 
     events_ = EventTensors(program, height_, width_, capacity);
     blurry_ = program.input({1, height_, width_, 1, UNet::kInputHalo});
     rule_ = program.input({1, 1, 4});
     input_intervals_ = program.input({1, 1, config_.bins});
     frame_intervals_ = program.input({1, 1, std::max(2 * (frames - 1), 1U)});
-    matrix_ = program.input(curve_matrix_layout(n, frames, config_.ordered));
+    matrix_ = program.input(curve_matrix_layout(n, frames, extent_.ordered));
     output_ = program.output({frames, height_, width_});
 
     const Tensor histogram =
@@ -119,7 +114,7 @@ void EcirMethod::record(Program& program, uint32_t frames, uint32_t capacity) {
     const Tensor derivatives = networks_->unet.record(program, blurry_, histogram, keypoints);
 
     CurveOptions curve{.n = n, .spaced = !config_.release};
-    if (config_.ordered) {
+    if (extent_.ordered) {
         curve.offsets = events_.offset;
     }
     const Tensor initial = refine ? program.temporary({frames, height_, width_, 1, 1}) : output_;
@@ -135,8 +130,8 @@ void EcirMethod::record(Program& program, uint32_t frames, uint32_t capacity) {
             record_event_histogram(program, events_.offset, events_.mark, events_.positives,
                                    frame_intervals_, counts);
         }
-        progress_ =
-            networks_->refinement.record(program, initial, counts, output_, iterations_, settled_);
+        progress_ = networks_->refinement.record(program, initial, counts, output_,
+                                                 extent_.iterations, extent_.settled);
     }
 }
 
@@ -168,7 +163,7 @@ void EcirMethod::begin(const FrameInput& input) {
     events_.write(program, packed);
     std::vector<float> blurry(input.blurry.begin(), input.blurry.end());
     Begun begun{brighten(blurry), {}};
-    if (config_.ordered) {
+    if (extent_.ordered) {
         begun.orders = curve_orders(packed.offset, width_, height_, config_.keypoints);
     }
     begun_.reserve(begun_.size() + 1); // nothing may fail once the program runs
@@ -179,7 +174,7 @@ void EcirMethod::begin(const FrameInput& input) {
                                        : even_edges(intervals_count);
     program.write(input_intervals_, flat(intervals(seen, edges)));
     program.write(frame_intervals_, flat(intervals(seen, seen.times)));
-    program.write(matrix_, config_.ordered ? curve_series(config_.keypoints, input.times)
+    program.write(matrix_, extent_.ordered ? curve_series(config_.keypoints, input.times)
                                            : curve_matrix(config_.keypoints, input.times));
     program_.submit(output_, progress_);
     begun_.push_back(std::move(begun));
@@ -208,7 +203,8 @@ MethodWork EcirMethod::work() const {
     const auto& progress = program_.figures(); // Refinement::progress_layout()
     const size_t most = progress.size() / 2;
     MethodWork work{.updates = {}, .orders = orders_};
-    for (size_t i = 0; i < most && (i == 0 || settled_ == 0 || progress[most + i] != 0); ++i) {
+    for (size_t i = 0; i < most && (i == 0 || extent_.settled == 0 || progress[most + i] != 0);
+         ++i) {
         work.updates.push_back(progress[i]);
     }
     return work;

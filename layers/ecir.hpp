@@ -16,7 +16,6 @@ struct EcirConfig {
     uint32_t bins = 40;      ///< histogram channels m, two for each interval
     uint32_t iterations = 3; ///< of the refinement
     double span = 1;         ///< release: the U-Net's histogram covers [-span, span]
-    bool ordered = false;    ///< the curve's order follows the events (curve_orders())
 
     /// Throws Error(bad_input) for metadata that is missing or out of range.
     explicit EcirConfig(const SafeTensors& weights);
@@ -28,7 +27,7 @@ struct EcirOptions {
     /// The refinement ends early after an iteration that changed no pixel by so many grey levels of
     /// 255; 0: never. Unset: a quarter, for `release`, which reproduces published results, never.
     std::optional<float> refine_until{};
-    std::optional<bool> ordered{}; ///< EcirConfig::ordered
+    bool ordered = false; ///< the curve's order follows the events (curve_orders())
 };
 
 /// The system of the paper (figure 3): histogram and keypoints of the events, U-Net, curve,
@@ -56,9 +55,15 @@ private:
         UNet unet;
         Refinement refinement;
     };
+    /// How much to do.
+    struct Extent {
+        uint32_t iterations;
+        float settled; ///< largest change of a pixel, 0 to 1, after which no iteration follows
+        bool ordered;
+    };
     EcirMethod(std::shared_ptr<Device> device, const EcirConfig& config,
                std::shared_ptr<const Networks> networks, uint32_t height, uint32_t width,
-               uint32_t iterations, float settled);
+               const Extent& extent);
     /// How a frame was brightened for the networks.
     struct Brightening {
         float gain = 1;
@@ -75,8 +80,7 @@ private:
     std::shared_ptr<const Networks> networks_;
     uint32_t height_;
     uint32_t width_;
-    uint32_t iterations_;
-    float settled_; ///< largest change of a pixel, 0 to 1, after which no iteration follows
+    Extent extent_;
 
     MethodProgram program_;
     struct Begun {

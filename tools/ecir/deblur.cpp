@@ -24,7 +24,7 @@ struct Options {
     std::string size;
     std::string lag;
     std::string regions = "on";
-    std::string order;
+    std::string order = "full";
     std::string quality;
 };
 
@@ -91,9 +91,7 @@ DeblurJob to_job(const Options& options) {
         job.lag = parse_time("--lag", options.lag);
     }
     job.deblur.regions = options.regions == "on";
-    if (!options.order.empty()) {
-        job.deblur.ordered = options.order == "events";
-    }
+    job.deblur.ordered = options.order == "events";
     if (job.deblur.model != "auto" && (job.budget_ms || !options.quality.empty())) {
         refuse("--quality and --budget choose between models; leave them out, or -m " +
                job.deblur.model);
@@ -208,7 +206,7 @@ void add_method(CLI::App& command, Options& o) {
                     "Of E-CIR's curve: as many as the events that a pixel and its neighbours have, "
                     "or full everywhere")
         ->check(CLI::IsMember({"events", "full"}))
-        ->option_text("events|full [as the model says]")
+        ->option_text("events|full [" + o.order + "]")
         ->group(group);
     command
         .add_option("--keypoints", o.job.deblur.keypoints, "Must be what the model was trained for")

@@ -28,6 +28,7 @@ Json describe(const SceneFacts& facts) {
     scene["hot_pixels"] = facts.hot_pixels;
     scene["flicker_hz"] = facts.flicker_hz > 0 ? Json(facts.flicker_hz) : Json();
     scene["flicker_share"] = rounded(facts.flicker_share);
+    scene["bunched_share"] = rounded(facts.bunched_share);
     scene["longest_gap_us"] = facts.longest_gap;
     return scene;
 }
