@@ -31,10 +31,12 @@ struct DeblurOptions {
     /// of a fusion network, which takes 0 and 1 only). Unset: as trained.
     std::optional<uint32_t> refine;
     /// Of E-CIR: the refinement ends early after an iteration that changed no pixel by so many grey
-    /// levels of 255; 0: never. Unset: a quarter, for the `release` variant never.
+    /// levels of 255, beyond the trained iterations also where changes no longer fall; 0: never.
+    /// Unset: a quarter, for the `release` variant never.
     std::optional<float> refine_until;
-    /// Of E-CIR: the curve's order follows the events that a pixel and its neighbours have, constant
-    /// without any (layers/curve.hpp). Saves nothing on lavapipe, and refined frames are as good.
+    /// Of E-CIR: the curve's order follows the events that a pixel and its neighbours have,
+    /// constant without any (layers/curve.hpp). Saves nothing on lavapipe, and refined frames are
+    /// as good.
     bool ordered = false;
     /// Keypoints of the curve; must be what the model was trained for.
     std::optional<uint32_t> keypoints;

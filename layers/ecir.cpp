@@ -130,8 +130,9 @@ void EcirMethod::record(Program& program, uint32_t frames, uint32_t capacity) {
             record_event_histogram(program, events_.offset, events_.mark, events_.positives,
                                    frame_intervals_, counts);
         }
-        progress_ = networks_->refinement.record(program, initial, counts, output_,
-                                                 extent_.iterations, extent_.settled);
+        progress_ =
+            networks_->refinement.record(program, initial, counts, output_, extent_.iterations,
+                                         config_.iterations, extent_.settled);
     }
 }
 

@@ -25,7 +25,8 @@ struct EcirConfig {
 struct EcirOptions {
     std::optional<uint32_t> refine{}; ///< iterations; 0 gives the initialisation alone
     /// The refinement ends early after an iteration that changed no pixel by so many grey levels of
-    /// 255; 0: never. Unset: a quarter, for `release`, which reproduces published results, never.
+    /// 255, beyond the trained iterations also where changes no longer fall; 0: never. Unset: a
+    /// quarter, for `release`, which reproduces published results, never.
     std::optional<float> refine_until{};
     bool ordered = false; ///< the curve's order follows the events (curve_orders())
 };

@@ -66,10 +66,12 @@ static_assert(sizeof(UpdateLanePush) == 120);
 /// Mirrors the push constants of shaders/refine_settled.comp.
 struct SettledPush {
     uint32_t largest_origin;
+    uint32_t before_origin;
     uint32_t moving_origin;
     float least;
+    uint32_t falling;
 };
-static_assert(sizeof(SettledPush) == 12);
+static_assert(sizeof(SettledPush) == 20);
 
 /// Groups of frames whose views the device can bind: those of the state are the largest. A group
 /// reads the state of `beside` more frames.
@@ -208,11 +210,13 @@ void record_refine_update(Program& program, const Tensor& initial, const Tensor&
 }
 
 void record_refine_settled(Program& program, const Tensor& largest, float least,
-                           const Tensor& moving) {
+                           const std::optional<Tensor>& before, const Tensor& moving) {
     Dispatch dispatch;
-    dispatch.kernel = &program.device().kernel("refine_settled", {}, 2, sizeof(SettledPush));
-    dispatch.arguments = {read(largest), write(moving)};
-    dispatch.set_push(SettledPush{PushLayout(largest).origin, PushLayout(moving).origin, least});
+    const Tensor& other = before ? *before : largest;
+    dispatch.kernel = &program.device().kernel("refine_settled", {}, 3, sizeof(SettledPush));
+    dispatch.arguments = {read(largest), read(other), write(moving)};
+    dispatch.set_push(SettledPush{PushLayout(largest).origin, PushLayout(other).origin,
+                                  PushLayout(moving).origin, least, before ? 1U : 0U});
     dispatch.label = "refine_settled";
     program.add(std::move(dispatch));
 }

@@ -2,6 +2,7 @@
 #include <array>
 #include <cstdint>
 #include <limits>
+#include <optional>
 
 #include "runtime/program.hpp"
 
@@ -62,8 +63,9 @@ void record_refine_update(Program& program, const Tensor& initial, const Tensor&
                           const AlphaWeights& alpha, const Tensor& updated, const Tensor& largest,
                           float largest_step = std::numeric_limits<float>::infinity());
 
-/// Records moving = largest >= least ? 1 : 0, one word each; 0 where `largest` is not a number.
+/// Records moving = 1 where largest >= least and, if given, largest < before, else 0, one word
+/// each; 0 where `largest` is not a number.
 void record_refine_settled(Program& program, const Tensor& largest, float least,
-                           const Tensor& moving);
+                           const std::optional<Tensor>& before, const Tensor& moving);
 
 } // namespace ecir

@@ -47,7 +47,8 @@ Refinement::Refinement(Device& device, const SafeTensors& weights, bool bounded)
 }
 
 Tensor Refinement::record(Program& program, const Tensor& initial, const Tensor& counts,
-                          const Tensor& refined, uint32_t iterations, float settled) const {
+                          const Tensor& refined, uint32_t iterations, uint32_t trained,
+                          float settled) const {
     const Layout& layout = initial.layout();
     const uint32_t count = layout.channels;
     // The halos are cleared once; every iteration writes the insides anew.
@@ -82,7 +83,12 @@ Tensor Refinement::record(Program& program, const Tensor& initial, const Tensor&
         } else {
             const Tensor moving = progress.channels(iterations + iteration, 1);
             // An iteration left out has changed nothing, so those after it are left out as well.
-            record_refine_settled(program, progress.channels(iteration - 1, 1), settled, moving);
+            std::optional<Tensor> before;
+            if (iteration >= trained && iteration > 1) {
+                before = progress.channels(iteration - 2, 1);
+            }
+            record_refine_settled(program, progress.channels(iteration - 1, 1), settled, before,
+                                  moving);
             program.when(moving, step);
         }
     }

@@ -155,6 +155,32 @@ TEST_SUITE("refine") {
         }
     }
 
+    TEST_CASE("what has settled, no longer falls, or is no number ends the refinement") {
+        const auto device = Device::open();
+        const auto goes_on = [&](float largest, float least, std::optional<float> before) {
+            Program program(*device);
+            const Tensor seen = program.input({3, 1, 1});
+            const Tensor moving = program.output({2, 1, 1});
+            program.clear(moving);
+            record_refine_settled(program, seen.channels(1, 1), least,
+                                  before ? std::optional(seen.channels(2, 1)) : std::nullopt,
+                                  moving.channels(1, 1));
+            program.finish();
+            program.write(seen, std::vector<float>{0, largest, before.value_or(0)});
+            program.run();
+            CHECK(program.read(moving)[0] == 0);
+            return program.read(moving)[1] == 1;
+        };
+        CHECK(goes_on(0.2F, 0.1F, {}));
+        CHECK(goes_on(0.1F, 0.1F, {}));
+        CHECK_FALSE(goes_on(0.09F, 0.1F, {}));
+        CHECK_FALSE(goes_on(0, 0.1F, {}));
+        CHECK(goes_on(0.2F, 0.1F, 0.3F));
+        CHECK_FALSE(goes_on(0.2F, 0.1F, 0.2F));
+        CHECK_FALSE(goes_on(0.09F, 0.1F, 0.3F));
+        CHECK_FALSE(goes_on(NAN, 0.1F, {}));
+    }
+
     TEST_CASE("update: frames larger together than the device can bind") {
         const auto device = Device::open();
         const uint64_t range = device->info().max_storage_range;

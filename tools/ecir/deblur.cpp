@@ -197,7 +197,8 @@ void add_method(CLI::App& command, Options& o) {
     command
         .add_option("--refine-until", o.job.deblur.refine_until,
                     "Of E-CIR: end the refinement after an iteration that changed no pixel by so "
-                    "many grey levels of 255; 0: never")
+                    "many grey levels of 255, and beyond the trained iterations where changes no "
+                    "longer fall; 0: never")
         ->check(within(0, 255))
         ->option_text("LEVELS [0.25]")
         ->group(group);
