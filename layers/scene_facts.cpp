@@ -189,8 +189,8 @@ std::vector<SceneWarning> scene_warnings(const SceneFacts& facts) {
     constexpr double kOneSign = 0.85;
     constexpr double kFlicker = 0.3;
     constexpr double kIsolated = 0.3;
-    constexpr double kNoisy = 0.002;   // such events a pixel
-    constexpr double kBunched = 0.1;   // costs up to 1 dB; sensors and simulations give up to 0.015
+    constexpr double kNoisy = 0.002; // such events a pixel
+    constexpr double kBunched = 0.1; // costs up to 1.1 dB; what sensors and simulations give: 0.015
     constexpr double kHotShare = 1e-3; // of the pixels
     constexpr double kFarthest = 80; // as estimated; shipped networks were trained up to 100 pixels
     std::vector<SceneWarning> found;
