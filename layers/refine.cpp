@@ -163,7 +163,7 @@ void record_refine_update(Program& program, const Tensor& initial, const Tensor&
     for (const auto& [first, count] : frame_groups(device, state, 2)) {
         const uint32_t begin = first > 0 ? first - 1 : 0;
         const uint32_t end = std::min(first + count + 1, d);
-        const uint64_t skip = (first - begin) * refine_planes * layout.plane_stride();
+        const uint64_t skip = uint64_t{refine_planes} * (first - begin) * layout.plane_stride();
         const Tensor starts = initial.channels(first, count);
         const Tensor around = state_view(state, begin, end);
         const Tensor results = updated.channels(first, count);
