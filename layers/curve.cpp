@@ -63,6 +63,24 @@ double basis(const std::vector<float>& nodes, size_t k, double x) {
     return product;
 }
 
+double legendre(uint32_t j, double x) {
+    double before = 0;
+    double value = 1;
+    for (uint32_t k = 1; k <= j; ++k) {
+        const double next = ((2.0 * k - 1) * x * value - (k - 1.0) * before) / k;
+        before = value;
+        value = next;
+    }
+    return value;
+}
+
+void check_time(double time) {
+    if (!(time >= -1 && time <= 1)) {
+        throw Error(ExitCode::bad_input,
+                    "curve: time " + std::to_string(time) + " is outside the exposure, -1 to 1");
+    }
+}
+
 } // namespace
 
 Quadrature gauss_legendre(uint32_t count) {
@@ -108,10 +126,7 @@ std::vector<float> curve_matrix(uint32_t n, std::span<const double> times) {
     }
     std::vector<float> matrix(nodes);
     for (const double time : times) {
-        if (!(time >= -1 && time <= 1)) {
-            throw Error(ExitCode::bad_input, "curve: time " + std::to_string(time) +
-                                                 " is outside the exposure, -1 to 1");
-        }
+        check_time(time);
         const double half = (time + 1) / 2;
         for (uint32_t k = 0; k < n; ++k) {
             double primitive = 0;
@@ -125,10 +140,55 @@ std::vector<float> curve_matrix(uint32_t n, std::span<const double> times) {
     return matrix;
 }
 
-Layout curve_matrix_layout(uint32_t n, uint32_t d) {
+std::vector<float> curve_series(uint32_t n, std::span<const double> times) {
+    const std::vector<float> nodes = curve_nodes(n);
+    const Quadrature rule = gauss_legendre(n);
+    std::vector<float> series(nodes);
+    for (uint32_t j = 0; j < n; ++j) {
+        for (uint32_t k = 0; k < n; ++k) {
+            double share = 0;
+            for (uint32_t q = 0; q < n; ++q) {
+                const double x = rule.nodes[q];
+                share += (j + 0.5) * rule.weights[q] * legendre(j, x) * basis(nodes, k, x);
+            }
+            series.push_back(static_cast<float>(share));
+        }
+    }
+    for (const double time : times) {
+        check_time(time);
+        for (uint32_t j = 0; j < n; ++j) {
+            // (2 j + 1) P_j is the slope of P_{j+1} - P_{j-1}, which is 0 at -1; of these only P_0
+            // has a mean.
+            const double rise = j == 0 ? time : legendre(j + 1, time) - legendre(j - 1, time);
+            const double mean = j == 1 ? -1.0 : 0;
+            series.push_back(static_cast<float>((rise - mean) / (2.0 * j + 1)));
+        }
+    }
+    return series;
+}
+
+Layout curve_matrix_layout(uint32_t n, uint32_t d, bool ordered) {
     Layout layout;
-    layout.width = n * (d + 1);
+    layout.width = n * (d + 1 + (ordered ? n : 0));
     return layout;
+}
+
+std::vector<size_t> curve_orders(std::span<const uint32_t> offsets, uint32_t width, uint32_t height,
+                                 uint32_t n) {
+    std::vector<size_t> pixels(size_t{n} + 1);
+    for (uint32_t y = 0; y < height; ++y) {
+        for (uint32_t x = 0; x < width; ++x) {
+            const size_t left = std::max(x, 1U) - 1;
+            const size_t right = std::min(x + 1, width - 1);
+            uint32_t events = 0;
+            for (uint32_t row = std::max(y, 1U) - 1; row <= std::min(y + 1, height - 1); ++row) {
+                const size_t begin = size_t{row} * width;
+                events += offsets[begin + right + 1] - offsets[begin + left];
+            }
+            ++pixels[std::min(events, n)];
+        }
+    }
+    return pixels;
 }
 
 float keypoint_spacing(uint32_t n) {
@@ -144,14 +204,22 @@ void record_curve(Program& program, const Tensor& derivatives, const Tensor& key
     check_channels("derivatives", derivatives.layout(), options.derivative_channel, n, layout);
     check_channels("keypoints", keypoints.layout(), options.keypoint_channel, n, layout);
     check_channels("blurry frame", blurry.layout(), options.blurry_channel, 1, layout);
-    if (layout.block != 1 || matrix.layout().width != n * (layout.channels + 1)) {
+    const bool ordered = options.offsets.has_value();
+    if (layout.block != 1 ||
+        matrix.layout().width != curve_matrix_layout(n, layout.channels, ordered).width) {
         throw Error(ExitCode::bad_input,
                     "curve: " + std::to_string(layout.channels) + " frames in blocks of " +
                         std::to_string(layout.block) + " do not match a matrix of " +
                         std::to_string(matrix.layout().width) + " values");
     }
-    const std::array<uint32_t, 2> constants = {n, options.spaced ? 1U : 0U};
-    const Kernel& kernel = program.device().kernel("curve", constants, 5, sizeof(Push));
+    if (ordered && options.offsets->layout().width != layout.width * layout.height + 1) {
+        throw Error(ExitCode::bad_input,
+                    "curve: " + std::to_string(options.offsets->layout().width) +
+                        " pixel offsets do not fit frames of " + std::to_string(layout.height) +
+                        "x" + std::to_string(layout.width));
+    }
+    const std::array<uint32_t, 3> constants = {n, options.spaced ? 1U : 0U, ordered ? 1U : 0U};
+    const Kernel& kernel = program.device().kernel("curve", constants, 6, sizeof(Push));
     for (const auto& group : channel_groups(program.device().info(), layout, 1)) {
         for (uint32_t done = 0; done < group.count; done += frames_per_dispatch) {
             const uint32_t first = group.first + done;
@@ -159,8 +227,9 @@ void record_curve(Program& program, const Tensor& derivatives, const Tensor& key
             const Tensor view = frames.channels(first, count);
             Dispatch dispatch;
             dispatch.kernel = &kernel;
-            dispatch.arguments = {read(derivatives), read(keypoints), read(blurry), read(matrix),
-                                  write(view)};
+            dispatch.arguments = {read(derivatives), read(keypoints),
+                                  read(blurry),      read(matrix),
+                                  write(view),       read(options.offsets.value_or(matrix))};
             dispatch.set_push(Push{PushLayout(derivatives), PushLayout(keypoints),
                                    PushLayout(blurry), PushLayout(view), layout.width,
                                    layout.height, options.derivative_channel,
@@ -168,7 +237,7 @@ void record_curve(Program& program, const Tensor& derivatives, const Tensor& key
                                    keypoint_spacing(n)});
             dispatch.groups = pixel_groups(layout);
             const double pixels = static_cast<double>(layout.width) * layout.height;
-            dispatch.flops = pixels * (8.0 * n * n + 2.0 * n * count);
+            dispatch.flops = pixels * ((ordered ? 10.0 : 8.0) * n * n + 2.0 * n * count);
             dispatch.bytes = pixels * 4 * (2.0 * n + 1 + count);
             dispatch.label = "curve";
             program.add(std::move(dispatch));

@@ -1,5 +1,6 @@
 #pragma once
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -51,8 +52,22 @@ std::vector<float> curve_nodes(uint32_t n);
 /// outside [-1, 1].
 std::vector<float> curve_matrix(uint32_t n, std::span<const double> times);
 
-/// Layout of the input that takes curve_matrix() for n keypoints and d times.
-Layout curve_matrix_layout(uint32_t n, uint32_t d);
+/// What the kernel reads where the curve's order follows the events: the n nodes, then C by rows of
+/// n, C(j, k) the share of the nodes' Lagrange basis k in the Legendre polynomial j, then T by rows
+/// of n, one per time, T(t, j) = integral from -1 to t of the Legendre polynomial j, less its mean
+/// over the exposure. Errors as curve_matrix().
+std::vector<float> curve_series(uint32_t n, std::span<const double> times);
+
+/// Layout of the input that takes curve_matrix(), or with `ordered` curve_series(), for n keypoints
+/// and d times.
+Layout curve_matrix_layout(uint32_t n, uint32_t d, bool ordered = false);
+
+/// Pixels by the order that their curve has where it follows the events, 0 to n: an order is
+/// min(n, events of the 3 x 3 pixels around), 0 a curve that is constant. Events that a pixel has
+/// alone would not do: where brightness changes by less than the threshold neighbours tell of it.
+/// offsets: PackedEvents::offset.
+std::vector<size_t> curve_orders(std::span<const uint32_t> offsets, uint32_t width, uint32_t height,
+                                 uint32_t n);
 
 /// Smallest distance of keypoints that `spaced` leaves: a sixteenth of the pivots' distance.
 float keypoint_spacing(uint32_t n);
@@ -64,13 +79,16 @@ struct CurveOptions {
     uint32_t derivative_channel = 0; ///< first channel of the derivatives
     uint32_t keypoint_channel = 0;   ///< first channel of the keypoints
     uint32_t blurry_channel = 0;
+    /// [1][1][height * width + 1], PackedEvents::offset: the curve's order follows the events, as
+    /// curve_orders() says, and the matrix holds curve_series().
+    std::optional<Tensor> offsets{};
 };
 
 /// Records the frames at the times of `matrix`.
 /// derivatives, keypoints, blurry  tensors of one height and width in any layouts; a pixel's
 /// keypoints
 ///                                 ascend (two may be equal)
-/// matrix                          input of curve_matrix_layout(n, frames' channels)
+/// matrix                          input of curve_matrix_layout(n, frames' channels, ordered)
 /// frames                          output, one channel a time, any layout of block 1
 /// Throws Error(bad_input) when n or the channels do not fit.
 void record_curve(Program& program, const Tensor& derivatives, const Tensor& keypoints,

@@ -24,6 +24,19 @@ constexpr uint32_t kEcirContext = 88;
 constexpr uint32_t kEslNetContext = 56;
 constexpr uint32_t kFade = 8; ///< pixels (RegionRule::fade)
 
+/// For methods without E-CIR's curve and refinement; what turns things off they do anyway.
+void refuse_curve_options(const std::string& method, const DeblurOptions& options) {
+    if (options.refine_until.value_or(0) > 0) {
+        throw Error(ExitCode::usage, method + " has no iterations that could end early; leave "
+                                              "--refine-until out");
+    }
+    if (options.ordered) {
+        throw Error(ExitCode::usage,
+                    method + " has no curve whose order could follow the events; leave --order "
+                             "out");
+    }
+}
+
 /// For methods that E-CIR's options mean nothing to.
 void refuse_ecir_options(const std::string& method, const DeblurOptions& options) {
     if (options.refine || options.keypoints) {
@@ -31,6 +44,7 @@ void refuse_ecir_options(const std::string& method, const DeblurOptions& options
                     method + " has neither keypoints nor a refinement; leave --keypoints and "
                              "--refine out");
     }
+    refuse_curve_options(method, options);
 }
 
 /// Kernels find places in memory by what they compute of these values.
@@ -86,6 +100,7 @@ Deblur::Model Deblur::make_model(const std::string& name) const {
                             " is for ecir models; give 1, or 0 for the prior alone, or leave "
                             "--refine out");
         }
+        refuse_curve_options("model " + options.model + ", a fusion network,", options);
         const bool correct = options.refine.value_or(1) > 0;
         return {.method =
                     std::make_unique<FusionMethod>(device_, weights, height_, width_, correct),
@@ -116,8 +131,9 @@ Deblur::Model Deblur::make_model(const std::string& name) const {
                                          std::to_string(*options.keypoints) +
                                          "; leave --keypoints out or use another model (-m)");
     }
-    return {.method =
-                std::make_unique<EcirMethod>(device_, weights, height_, width_, options.refine),
+    return {.method = std::make_unique<EcirMethod>(
+                device_, weights, height_, width_,
+                EcirOptions{options.refine, options.refine_until, options.ordered}),
             .rule = {kEcirContext, kFade},
             .local = !config.release,
             .ignores_busy_pixels = !config.release};
@@ -128,6 +144,9 @@ Deblur::Deblur(std::shared_ptr<Device> device, const DeblurOptions& options, uin
     : device_(std::move(device)), options_(options), width_(width), height_(height) {
     if (options.thresholds) {
         check_thresholds(*options.thresholds);
+    }
+    if (!(options.refine_until.value_or(0) >= 0)) {
+        throw Error(ExitCode::usage, "--refine-until takes grey levels, 0 or more");
     }
     if (options.model == "auto") {
         family_ = ModelFamily::shipped();
@@ -270,11 +289,14 @@ std::vector<float> Deblur::finish() {
     computed_ = std::move(begun.windows);
     if (begun.order.empty()) {
         used_.clear();
+        work_.clear();
         return std::move(begun.still);
     }
     const Member& made = members_[begun.member];
     used_ = made.name;
-    return made.method->finish(begun.order);
+    auto frames = made.method->finish(begun.order);
+    work_ = made.method->work();
+    return frames;
 }
 
 std::vector<double> even_times(uint32_t count) {

@@ -16,6 +16,7 @@ namespace ecir {
 
 class EdiThresholdSource;
 class Method;
+struct MethodWork;
 class WindowedMethod;
 
 struct DeblurOptions {
@@ -29,6 +30,14 @@ struct DeblurOptions {
     /// Iterations of the refinement; 0 for the initialisation alone (the curve of E-CIR, the prior
     /// of a fusion network, which takes 0 and 1 only). Unset: as trained.
     std::optional<uint32_t> refine;
+    /// Of E-CIR: the refinement ends early after an iteration that changed no pixel by so many grey
+    /// levels of 255, beyond the trained iterations also where changes no longer fall; 0: never.
+    /// Unset: a quarter, for the `release` variant never.
+    std::optional<float> refine_until;
+    /// Of E-CIR: the curve's order follows the events that a pixel and its neighbours have,
+    /// constant without any (layers/curve.hpp). Saves nothing on lavapipe, and refined frames are
+    /// as good.
+    bool ordered = false;
     /// Keypoints of the curve; must be what the model was trained for.
     std::optional<uint32_t> keypoints;
     /// For `edi` and fusion networks; unset: estimated from the frames and their events, those of
@@ -98,8 +107,11 @@ public:
     /// nothing moved.
     [[nodiscard]] const std::string& model() const { return used_; }
 
-    /// Floating-point operations of the kernels for the frame begun last; 0 before the first one
-    /// with events.
+    /// What it took for the frame finished last, by window (layers/method.hpp).
+    [[nodiscard]] const std::vector<MethodWork>& work() const { return work_; }
+
+    /// Floating-point operations of the kernels for the frame begun last, at the most; 0 before the
+    /// first one with events.
     [[nodiscard]] double operations() const { return operations_; }
 
 private:
@@ -148,6 +160,7 @@ private:
     double active_share_ = 0;
     std::vector<PixelRect> computed_;
     std::string used_;
+    std::vector<MethodWork> work_;
     double operations_ = 0;
 };
 

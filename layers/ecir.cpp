@@ -14,7 +14,8 @@ namespace {
 
 constexpr uint32_t kMostBins = 1024;
 constexpr uint32_t kMostIterations = 1000;
-constexpr float kBright = 0.5F; ///< least 99th percentile of a frame that stays as it is
+constexpr float kSettled = 0.25F; ///< grey levels
+constexpr float kBright = 0.5F;   ///< least 99th percentile of a frame that stays as it is
 
 [[noreturn]] void fail(const SafeTensors& weights, const std::string& what) {
     throw Error(ExitCode::bad_input, "weights file " + weights.path().string() + ": " + what);
@@ -66,35 +67,38 @@ EcirConfig::EcirConfig(const SafeTensors& weights)
 }
 
 EcirMethod::EcirMethod(std::shared_ptr<Device> device, const SafeTensors& weights, uint32_t height,
-                       uint32_t width, std::optional<uint32_t> refine)
+                       uint32_t width, const EcirOptions& options)
     : device_(std::move(device)), config_(weights),
       networks_(std::make_shared<const Networks>(
           Networks{UNet(*device_, weights, config_.bins, config_.keypoints),
                    Refinement(*device_, weights, !config_.release)})),
-      height_(height), width_(width), iterations_(refine.value_or(config_.iterations)) {}
+      height_(height),
+      width_(width), extent_{options.refine.value_or(config_.iterations),
+                             options.refine_until.value_or(config_.release ? 0 : kSettled) / 255,
+                             options.ordered} {}
 
 EcirMethod::EcirMethod(std::shared_ptr<Device> device, const EcirConfig& config,
                        std::shared_ptr<const Networks> networks, uint32_t height, uint32_t width,
-                       uint32_t iterations)
+                       const Extent& extent)
     : device_(std::move(device)), config_(config), networks_(std::move(networks)), height_(height),
-      width_(width), iterations_(iterations) {}
+      width_(width), extent_(extent) {}
 
 std::unique_ptr<Method> EcirMethod::resized(uint32_t height, uint32_t width) const {
     return std::unique_ptr<Method>(
-        new EcirMethod(device_, config_, networks_, height, width, iterations_));
+        new EcirMethod(device_, config_, networks_, height, width, extent_));
 }
 
 void EcirMethod::record(Program& program, uint32_t frames, uint32_t capacity) {
     const uint32_t block = channel_block(device_->info());
     const uint32_t n = config_.keypoints;
-    const bool refine = iterations_ > 0;
+    const bool refine = extent_.iterations > 0;
 
     events_ = EventTensors(program, height_, width_, capacity);
     blurry_ = program.input({1, height_, width_, 1, UNet::kInputHalo});
     rule_ = program.input({1, 1, 4});
     input_intervals_ = program.input({1, 1, config_.bins});
     frame_intervals_ = program.input({1, 1, std::max(2 * (frames - 1), 1U)});
-    matrix_ = program.input(curve_matrix_layout(n, frames));
+    matrix_ = program.input(curve_matrix_layout(n, frames, extent_.ordered));
     output_ = program.output({frames, height_, width_});
 
     const Tensor histogram =
@@ -109,7 +113,10 @@ void EcirMethod::record(Program& program, uint32_t frames, uint32_t capacity) {
 
     const Tensor derivatives = networks_->unet.record(program, blurry_, histogram, keypoints);
 
-    const CurveOptions curve{.n = n, .spaced = !config_.release};
+    CurveOptions curve{.n = n, .spaced = !config_.release};
+    if (extent_.ordered) {
+        curve.offsets = events_.offset;
+    }
     const Tensor initial = refine ? program.temporary({frames, height_, width_, 1, 1}) : output_;
     if (refine) {
         program.clear(initial);
@@ -123,7 +130,9 @@ void EcirMethod::record(Program& program, uint32_t frames, uint32_t capacity) {
             record_event_histogram(program, events_.offset, events_.mark, events_.positives,
                                    frame_intervals_, counts);
         }
-        networks_->refinement.record(program, initial, counts, output_, iterations_);
+        progress_ =
+            networks_->refinement.record(program, initial, counts, output_, extent_.iterations,
+                                         config_.iterations, extent_.settled);
     }
 }
 
@@ -154,7 +163,10 @@ void EcirMethod::begin(const FrameInput& input) {
     }
     events_.write(program, packed);
     std::vector<float> blurry(input.blurry.begin(), input.blurry.end());
-    Brightening brightening = brighten(blurry);
+    Begun begun{brighten(blurry), {}};
+    if (extent_.ordered) {
+        begun.orders = curve_orders(packed.offset, width_, height_, config_.keypoints);
+    }
     begun_.reserve(begun_.size() + 1); // nothing may fail once the program runs
     program.write(blurry_, from_dense(blurry_.layout(), blurry));
     program.write(rule_, std::span(reinterpret_cast<const uint32_t*>(&rule), 4));
@@ -163,9 +175,10 @@ void EcirMethod::begin(const FrameInput& input) {
                                        : even_edges(intervals_count);
     program.write(input_intervals_, flat(intervals(seen, edges)));
     program.write(frame_intervals_, flat(intervals(seen, seen.times)));
-    program.write(matrix_, curve_matrix(config_.keypoints, input.times));
-    program_.submit(output_);
-    begun_.push_back(std::move(brightening));
+    program.write(matrix_, extent_.ordered ? curve_series(config_.keypoints, input.times)
+                                           : curve_matrix(config_.keypoints, input.times));
+    program_.submit(output_, progress_);
+    begun_.push_back(std::move(begun));
 }
 
 /// Events tell of ratios, so a scene in less light has the same ones and the same frames but for a
@@ -187,9 +200,22 @@ EcirMethod::Brightening EcirMethod::brighten(std::vector<float>& blurry) const {
     return made;
 }
 
+MethodWork EcirMethod::work() const {
+    const auto& progress = program_.figures(); // Refinement::progress_layout()
+    const size_t most = progress.size() / 2;
+    MethodWork work{.updates = {}, .orders = orders_};
+    for (size_t i = 0; i < most && (i == 0 || extent_.settled == 0 || progress[most + i] != 0);
+         ++i) {
+        work.updates.push_back(progress[i]);
+    }
+    return work;
+}
+
 std::span<const float> EcirMethod::finish() {
-    const Brightening made = std::move(begun_.at(0));
+    const Begun oldest = std::move(begun_.at(0));
     begun_.erase(begun_.begin());
+    const Brightening& made = oldest.brightening;
+    orders_ = oldest.orders;
     const auto frames = program_.finish();
     if (made.gain == 1) {
         return frames;

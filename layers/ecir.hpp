@@ -21,17 +21,28 @@ struct EcirConfig {
     explicit EcirConfig(const SafeTensors& weights);
 };
 
+/// What may differ from how a network was trained.
+struct EcirOptions {
+    std::optional<uint32_t> refine{}; ///< iterations; 0 gives the initialisation alone
+    /// The refinement ends early after an iteration that changed no pixel by so many grey levels of
+    /// 255, beyond the trained iterations also where changes no longer fall; 0: never. Unset: a
+    /// quarter, for `release`, which reproduces published results, never.
+    std::optional<float> refine_until{};
+    bool ordered = false; ///< the curve's order follows the events (curve_orders())
+};
+
 /// The system of the paper (figure 3): histogram and keypoints of the events, U-Net, curve,
 /// refinement. `paper` takes pixels of over prior_busy_events events as without, and brightens dark
 /// frames for the networks, which trained on few, darkening their result again.
 class EcirMethod : public Method {
 public:
-    /// `refine` replaces the trained number of iterations; 0 gives the initialisation alone.
+    /// Throws Error(bad_input) for weights that are not such a network's.
     EcirMethod(std::shared_ptr<Device> device, const SafeTensors& weights, uint32_t height,
-               uint32_t width, std::optional<uint32_t> refine);
+               uint32_t width, const EcirOptions& options);
 
     void begin(const FrameInput& input) override;
     std::span<const float> finish() override;
+    [[nodiscard]] MethodWork work() const override;
     [[nodiscard]] double operations() const override { return program_.operations(); }
     [[nodiscard]] std::unique_ptr<Method> resized(uint32_t height, uint32_t width) const override;
 
@@ -45,9 +56,15 @@ private:
         UNet unet;
         Refinement refinement;
     };
+    /// How much to do.
+    struct Extent {
+        uint32_t iterations;
+        float settled; ///< largest change of a pixel, 0 to 1, after which no iteration follows
+        bool ordered;
+    };
     EcirMethod(std::shared_ptr<Device> device, const EcirConfig& config,
                std::shared_ptr<const Networks> networks, uint32_t height, uint32_t width,
-               uint32_t iterations);
+               const Extent& extent);
     /// How a frame was brightened for the networks.
     struct Brightening {
         float gain = 1;
@@ -64,10 +81,15 @@ private:
     std::shared_ptr<const Networks> networks_;
     uint32_t height_;
     uint32_t width_;
-    uint32_t iterations_;
+    Extent extent_;
 
     MethodProgram program_;
-    std::vector<Brightening> begun_; ///< the oldest first
+    struct Begun {
+        Brightening brightening;
+        std::vector<size_t> orders;
+    };
+    std::vector<Begun> begun_;   ///< the oldest first
+    std::vector<size_t> orders_; ///< of the frame finished last
     std::vector<float> darkened_;
     EventTensors events_;
     Tensor blurry_;
@@ -76,6 +98,7 @@ private:
     Tensor frame_intervals_;
     Tensor matrix_;
     Tensor output_;
+    std::optional<Tensor> progress_; ///< of the refinement
 };
 
 } // namespace ecir

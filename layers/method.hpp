@@ -22,6 +22,14 @@ struct FrameInput {
     EdiThresholds thresholds{};    ///< of the sensor; for methods that use them
 };
 
+/// What a method found that a frame needs.
+struct MethodWork {
+    /// Of a refinement: the largest change of a pixel in each iteration made, 0 to 1.
+    std::vector<float> updates;
+    /// Of a curve whose order follows the events: pixels of order 0, 1, ...
+    std::vector<size_t> orders;
+};
+
 /// A way from a blurry frame and its events to sharp frames, for one image size on one device. In
 /// two halves, so that the host can prepare a frame while the device works on the one before.
 class Method {
@@ -39,7 +47,11 @@ public:
     /// times; valid until the next call. Not clipped.
     virtual std::span<const float> finish() = 0;
 
-    /// Floating-point operations of the program that makes the frames; 0 before the first.
+    /// Of the frame finished last.
+    [[nodiscard]] virtual MethodWork work() const { return {}; }
+
+    /// Floating-point operations of the program that makes the frames, at the most; 0 before the
+    /// first.
     [[nodiscard]] virtual double operations() const = 0;
 
     /// The same method for images of another size, with the same weights on the device.
@@ -108,11 +120,11 @@ public:
         return *program_;
     }
 
-    /// Starts the program, to read `output` in the end.
-    void submit(const Tensor& output) {
+    /// Starts the program, to read `output` in the end, and `figures`, a few of them.
+    void submit(const Tensor& output, const std::optional<Tensor>& figures = {}) {
         begun_.reserve(begun_.size() + 1);
         program_->submit();
-        begun_.push_back({output, std::nullopt});
+        begun_.push_back({output, figures, std::nullopt, {}});
     }
 
     /// The output of the oldest run submitted and not finished; valid until the next call.
@@ -121,11 +133,16 @@ public:
         begun_.erase(begun_.begin());
         if (oldest.aside) {
             aside_ = std::move(*oldest.aside);
+            figures_ = std::move(oldest.figure_values);
             return aside_;
         }
         program_->wait();
+        figures_ = read(oldest.figures);
         return program_->read(oldest.output);
     }
+
+    /// Those of the run finished last.
+    [[nodiscard]] const std::vector<float>& figures() const { return figures_; }
 
     [[nodiscard]] double operations() const { return program_ ? program_->flops() : 0; }
 
@@ -141,8 +158,18 @@ public:
 private:
     struct Begun {
         Tensor output;
+        std::optional<Tensor> figures;
         std::optional<std::vector<float>> aside; ///< what came of it, no longer in the program
+        std::vector<float> figure_values;        ///< with it
     };
+
+    [[nodiscard]] std::vector<float> read(const std::optional<Tensor>& figures) const {
+        if (!figures) {
+            return {};
+        }
+        const auto values = program_->read(*figures);
+        return {values.begin(), values.end()};
+    }
 
     /// Makes room in the program; false where nothing of it is under way.
     bool set_aside_oldest() {
@@ -153,6 +180,7 @@ private:
         }
         program_->wait();
         const auto values = program_->read(oldest->output);
+        oldest->figure_values = read(oldest->figures);
         oldest->aside.emplace(values.begin(), values.end());
         return true;
     }
@@ -160,6 +188,7 @@ private:
     std::unique_ptr<Program> program_;
     std::vector<Begun> begun_; ///< the oldest first
     std::vector<float> aside_;
+    std::vector<float> figures_;
     size_t frames_ = 0;
     uint32_t capacity_ = 0; ///< events
 };

@@ -47,30 +47,40 @@ struct UpdateSizes {
 };
 struct UpdatePush {
     uint32_t initial_origin;
-    uint32_t frames_origin;
     uint32_t state_origin;
     uint32_t updated_origin;
+    uint32_t largest_origin;
     UpdateSizes sizes;
 };
 static_assert(sizeof(UpdatePush) == 80);
 struct UpdateLanePush {
     uint64_t initial_address = 0;
-    uint64_t frames_address = 0;
     uint64_t state_address = 0;
     uint32_t updated_origin = 0;
+    uint32_t largest_origin = 0;
     UpdateSizes sizes{};
     std::array<uint32_t, 8> digit{0, 1, 2, 3, 4, 5, 6, 7};
-    uint32_t spare = 0;
 };
-static_assert(sizeof(UpdateLanePush) == 128);
+static_assert(sizeof(UpdateLanePush) == 120);
+
+/// Mirrors the push constants of shaders/refine_settled.comp.
+struct SettledPush {
+    uint32_t largest_origin;
+    uint32_t before_origin;
+    uint32_t moving_origin;
+    float least;
+    uint32_t falling;
+};
+static_assert(sizeof(SettledPush) == 20);
 
 /// Groups of frames whose views the device can bind: those of the state are the largest. A group
-/// reads the state of one frame more.
-std::vector<ChannelGroup> frame_groups(const DeviceInfo& device, const Tensor& state) {
+/// reads the state of `beside` more frames.
+std::vector<ChannelGroup> frame_groups(const DeviceInfo& device, const Tensor& state,
+                                       uint32_t beside) {
     Layout frames = state.layout();
     frames.channels /= refine_planes;
     frames.pitch = frames.row_pixels() * refine_planes;
-    return channel_groups(device, frames, 1, 1);
+    return channel_groups(device, frames, 1, beside);
 }
 
 /// Planes of the frames first, ..., end - 1 in the state.
@@ -98,7 +108,7 @@ void record_refine_state(Program& program, const Tensor& frames, const Tensor* c
     require_shapes(good, "refinement", {frames, counted ? *counts : frames, state});
     const DeviceInfo& device = program.device().info();
     const bool lane = conv_family(device) == ConvFamily::lane && !counted && layout.halo > 0;
-    for (const auto& [first, count] : frame_groups(device, state)) {
+    for (const auto& [first, count] : frame_groups(device, state, 1)) {
         const Tensor from = frames.channels(first, count);
         const Tensor to = state_view(state, first, first + count);
         const uint32_t intervals = counted ? std::min(count, d - 1 - first) : 0;
@@ -136,30 +146,29 @@ void record_refine_state(Program& program, const Tensor& frames, const Tensor* c
     }
 }
 
-void record_refine_update(Program& program, const Tensor& initial, const Tensor& frames,
-                          const Tensor& state, const AlphaWeights& alpha, const Tensor& updated,
+void record_refine_update(Program& program, const Tensor& initial, const Tensor& state,
+                          const AlphaWeights& alpha, const Tensor& updated, const Tensor& largest,
                           float largest_step) {
-    const Layout& layout = frames.layout();
+    const Layout& layout = updated.layout();
     const uint32_t d = layout.channels;
     const auto alike = [&](const Tensor& tensor, uint32_t channels) {
         const Layout& other = tensor.layout();
         return has_shape(tensor, channels, layout.height, layout.width) && other.block == 1 &&
                other.halo == 1 && other.row_stride() == layout.row_stride();
     };
-    require_shapes(alike(initial, d) && alike(frames, d) && alike(updated, d) &&
-                       alike(state, refine_planes * d),
-                   "refinement", {initial, frames, state, updated});
+    require_shapes(alike(initial, d) && alike(updated, d) && alike(state, refine_planes * d),
+                   "refinement", {initial, state, updated});
     const DeviceInfo& device = program.device().info();
     const bool lane = conv_family(device) == ConvFamily::lane;
-    for (const auto& [first, count] : frame_groups(device, state)) {
+    for (const auto& [first, count] : frame_groups(device, state, 2)) {
         const uint32_t begin = first > 0 ? first - 1 : 0;
         const uint32_t end = std::min(first + count + 1, d);
-        const uint64_t skip = (first - begin) * layout.plane_stride();
+        const uint64_t skip = uint64_t{refine_planes} * (first - begin) * layout.plane_stride();
         const Tensor starts = initial.channels(first, count);
-        const Tensor around = frames.channels(begin, end - begin);
-        const Tensor residuals = state_view(state, first, end);
+        const Tensor around = state_view(state, begin, end);
         const Tensor results = updated.channels(first, count);
         const uint32_t result_origin = PushLayout(results).origin;
+        const uint32_t largest_origin = PushLayout(largest).origin;
         const UpdateSizes sizes{static_cast<uint32_t>(layout.row_stride()),
                                 static_cast<uint32_t>(layout.plane_stride()),
                                 layout.width,
@@ -171,25 +180,25 @@ void record_refine_update(Program& program, const Tensor& initial, const Tensor&
         if (lane) {
             const RowTiles tiles(layout.width, device.subgroup_size);
             const std::array<uint32_t, 2> constants{device.subgroup_size, tiles.vectors};
-            dispatch.kernel = &program.device().kernel("refine_update_lane", constants, 1,
+            dispatch.kernel = &program.device().kernel("refine_update_lane", constants, 2,
                                                        sizeof(UpdateLanePush));
-            dispatch.arguments = {update(results)};
+            dispatch.arguments = {update(results), update(largest)};
             const uint64_t origin = layout.origin() * 4;
             dispatch.pointers = {
                 {offsetof(UpdateLanePush, initial_address), read(starts), origin},
-                {offsetof(UpdateLanePush, frames_address), read(around), origin + skip * 4},
-                {offsetof(UpdateLanePush, state_address), read(residuals), origin}};
+                {offsetof(UpdateLanePush, state_address), read(around), origin + skip * 4}};
             UpdateLanePush push;
             push.updated_origin = result_origin;
+            push.largest_origin = largest_origin;
             push.sizes = sizes;
             dispatch.set_push(push);
             dispatch.groups = {tiles.count, layout.height, count};
         } else {
             dispatch.kernel = &program.device().kernel("refine_update", {}, 4, sizeof(UpdatePush));
-            dispatch.arguments = {read(starts), read(around), read(residuals), update(results)};
+            dispatch.arguments = {read(starts), read(around), update(results), update(largest)};
             dispatch.set_push(UpdatePush{PushLayout(starts).origin,
                                          PushLayout(around).origin + static_cast<uint32_t>(skip),
-                                         PushLayout(residuals).origin, result_origin, sizes});
+                                         result_origin, largest_origin, sizes});
             dispatch.groups = pixel_groups(layout, count);
         }
         const double values = static_cast<double>(layout.width) * layout.height * count;
@@ -198,6 +207,18 @@ void record_refine_update(Program& program, const Tensor& initial, const Tensor&
         dispatch.label = "refine_update";
         program.add(std::move(dispatch));
     }
+}
+
+void record_refine_settled(Program& program, const Tensor& largest, float least,
+                           const std::optional<Tensor>& before, const Tensor& moving) {
+    Dispatch dispatch;
+    const Tensor& other = before ? *before : largest;
+    dispatch.kernel = &program.device().kernel("refine_settled", {}, 3, sizeof(SettledPush));
+    dispatch.arguments = {read(largest), read(other), write(moving)};
+    dispatch.set_push(SettledPush{PushLayout(largest).origin, PushLayout(other).origin,
+                                  PushLayout(moving).origin, least, before ? 1U : 0U});
+    dispatch.label = "refine_settled";
+    program.add(std::move(dispatch));
 }
 
 } // namespace ecir

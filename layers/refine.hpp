@@ -2,6 +2,7 @@
 #include <array>
 #include <cstdint>
 #include <limits>
+#include <optional>
 
 #include "runtime/program.hpp"
 
@@ -53,13 +54,18 @@ float largest_refine_step(uint32_t frames);
 ///                              + 2 (L_i + R_i - L_{i+1})     [i < d - 1]
 ///     L_i    <- L_i - alpha_i D_i
 /// initial    L0, d channels
-/// frames     L, d channels, the halo zero, not the same memory as `updated`
-/// state      the residuals R
+/// state      the frames L and the residuals R
 /// updated    the new L, d channels; its halo is left alone
-/// All of one height and width, block 1 and halo 1. Throws Error(resources) when two frames' state
-/// exceeds what the device can bind.
-void record_refine_update(Program& program, const Tensor& initial, const Tensor& frames,
-                          const Tensor& state, const AlphaWeights& alpha, const Tensor& updated,
+/// largest    one word: becomes at least the largest |new L - L|
+/// All but the last of one height and width, block 1 and halo 1. Throws Error(resources) when three
+/// frames' state exceeds what the device can bind.
+void record_refine_update(Program& program, const Tensor& initial, const Tensor& state,
+                          const AlphaWeights& alpha, const Tensor& updated, const Tensor& largest,
                           float largest_step = std::numeric_limits<float>::infinity());
+
+/// Records moving = 1 where largest >= least and, if given, largest < before, else 0, one word
+/// each; 0 where `largest` is not a number.
+void record_refine_settled(Program& program, const Tensor& largest, float least,
+                           const std::optional<Tensor>& before, const Tensor& moving);
 
 } // namespace ecir

@@ -46,38 +46,56 @@ Refinement::Refinement(Device& device, const SafeTensors& weights, bool bounded)
     alpha_.back() = weights.get("refine.alpha_net.bias", {1}).front();
 }
 
-void Refinement::record(Program& program, const Tensor& initial, const Tensor& counts,
-                        const Tensor& refined, uint32_t iterations) const {
-    const Layout& frames = initial.layout();
-    const uint32_t count = frames.channels;
+Tensor Refinement::record(Program& program, const Tensor& initial, const Tensor& counts,
+                          const Tensor& refined, uint32_t iterations, uint32_t trained,
+                          float settled) const {
+    const Layout& layout = initial.layout();
+    const uint32_t count = layout.channels;
     // The halos are cleared once; every iteration writes the insides anew.
-    const auto cleared = [&](const Layout& layout) {
-        const Tensor made = program.temporary(layout);
+    const auto cleared = [&](const Layout& wanted) {
+        const Tensor made = program.temporary(wanted);
         program.clear(made);
         return made;
     };
-    const std::array<Tensor, 2> steps = {cleared(frames), cleared(frames)};
-    const Tensor state = cleared(refine_state_layout(count, frames.height, frames.width));
-    const Tensor scratch = ConvPair::scratch(program, frames.height, frames.width);
+    const Tensor frames = cleared(layout);
+    const Tensor state = cleared(refine_state_layout(count, layout.height, layout.width));
+    const Tensor progress = program.output(progress_layout(iterations));
+    program.clear(progress);
+    const Tensor scratch = ConvPair::scratch(program, layout.height, layout.width);
 
     const float largest =
         bounded_ ? largest_refine_step(count) : std::numeric_limits<float>::infinity();
-    Tensor current = initial;
     for (uint32_t iteration = 0; iteration < iterations; ++iteration) {
-        record_refine_state(program, current, iteration == 0 && count > 1 ? &counts : nullptr,
-                            state);
-        for (uint32_t i = 0; i + 1 < count; ++i) {
-            (i == 0 ? first_residual_ : other_residual_)
-                .record(program, refine_network_input(state, i), scratch,
-                        refine_residual(state, i));
+        const auto step = [&] {
+            const bool first = iteration == 0;
+            record_refine_state(program, first ? initial : frames,
+                                first && count > 1 ? &counts : nullptr, state);
+            for (uint32_t i = 0; i + 1 < count; ++i) {
+                (i == 0 ? first_residual_ : other_residual_)
+                    .record(program, refine_network_input(state, i), scratch,
+                            refine_residual(state, i));
+            }
+            record_refine_update(program, initial, state, alpha_, frames,
+                                 progress.channels(iteration, 1), largest);
+        };
+        if (iteration == 0 || settled == 0) {
+            step();
+        } else {
+            const Tensor moving = progress.channels(iterations + iteration, 1);
+            // An iteration left out has changed nothing, so those after it are left out as well.
+            std::optional<Tensor> before;
+            if (iteration >= trained && iteration > 1) {
+                before = progress.channels(iteration - 2, 1);
+            }
+            record_refine_settled(program, progress.channels(iteration - 1, 1), settled, before,
+                                  moving);
+            program.when(moving, step);
         }
-        const Tensor& next = steps.at(iteration % 2);
-        record_refine_update(program, initial, current, state, alpha_, next, largest);
-        current = next;
     }
     for (uint32_t i = 0; i < count; ++i) {
-        polish_.record(program, current.channels(i, 1), scratch, refined.channels(i, 1));
+        polish_.record(program, frames.channels(i, 1), scratch, refined.channels(i, 1));
     }
+    return progress;
 }
 
 } // namespace ecir

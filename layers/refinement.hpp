@@ -17,9 +17,15 @@ public:
 
     /// initial: d frames in order of time, block 1, halo 1 (zeros); counts: 2 (d - 1) event counts
     /// between them, block 1, not looked at when d = 1; refined: d frames, block 1, its halo is not
-    /// written.
-    void record(Program& program, const Tensor& initial, const Tensor& counts,
-                const Tensor& refined, uint32_t iterations) const;
+    /// written. The iterations end early, which the device decides, after one that changed no pixel
+    /// by as much as `settled`; those beyond the `trained` ones also after one whose largest change
+    /// is not below that of the one before it, since they no longer converge. 0: never. Returns
+    /// progress_layout(iterations), an output: the largest change of each iteration made and 0 of
+    /// the others, then 1 for each made after the first and 0 for the others.
+    Tensor record(Program& program, const Tensor& initial, const Tensor& counts,
+                  const Tensor& refined, uint32_t iterations, uint32_t trained,
+                  float settled) const;
+    static Layout progress_layout(uint32_t iterations) { return {2 * iterations, 1, 1}; }
 
 private:
     ConvPair first_residual_;

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstdio>
 #include <numbers>
+#include <numeric>
 
 #include "layers/travel.hpp"
 
@@ -134,6 +135,28 @@ std::string text(const char* format, double a, double b = 0) {
 
 } // namespace
 
+double bunched_share(const EventView& events, const Exposure& exposure) {
+    constexpr size_t kFewest = 200;
+    constexpr int64_t kShortest = 1000; // microseconds
+    if (events.size() < kFewest || exposure.duration() < kShortest) {
+        return 0;
+    }
+    std::array<size_t, 5> most{}; // ascending
+    for (size_t i = 0; i < events.size();) {
+        size_t end = i;
+        while (end < events.size() && events.t[end] == events.t[i]) {
+            ++end;
+        }
+        if (end - i > most.front()) {
+            most.front() = end - i;
+            std::ranges::sort(most);
+        }
+        i = end;
+    }
+    return static_cast<double>(std::accumulate(most.begin(), most.end(), size_t{0})) /
+           static_cast<double>(events.size());
+}
+
 SceneFacts scene_facts(std::span<const float> blurry, const EventView& events,
                        const Exposure& exposure, uint32_t width, uint32_t height) {
     SceneFacts facts;
@@ -155,6 +178,7 @@ SceneFacts scene_facts(std::span<const float> blurry, const EventView& events,
     judge_pixels(event_counts(events, width, height), width, height, facts);
     facts.travel = estimate_travel(blurry, events, exposure, width, height);
     find_flicker(events, exposure, facts);
+    facts.bunched_share = bunched_share(events, exposure);
     facts.longest_gap = longest_gap(events);
     return facts;
 }
@@ -165,7 +189,8 @@ std::vector<SceneWarning> scene_warnings(const SceneFacts& facts) {
     constexpr double kOneSign = 0.85;
     constexpr double kFlicker = 0.3;
     constexpr double kIsolated = 0.3;
-    constexpr double kNoisy = 0.002;   // such events a pixel
+    constexpr double kNoisy = 0.002; // such events a pixel
+    constexpr double kBunched = 0.1; // costs up to 1.1 dB; what sensors and simulations give: 0.015
     constexpr double kHotShare = 1e-3; // of the pixels
     constexpr double kFarthest = 80; // as estimated; shipped networks were trained up to 100 pixels
     std::vector<SceneWarning> found;
@@ -210,7 +235,13 @@ std::vector<SceneWarning> scene_warnings(const SceneFacts& facts) {
         warn("hot-pixels", text("%.0f hot pixels: mask them in the sensor",
                                 static_cast<double>(facts.hot_pixels)));
     }
-    if (facts.longest_gap > 0) {
+    if (facts.bunched_share > kBunched) {
+        warn("bunched",
+             text("%.0f %% of the events lie at five of the exposure's microseconds: a clock that "
+                  "is too coarse, or a bus that delayed them; edges keep some blur; have the "
+                  "sensor's driver stamp each event",
+                  100 * facts.bunched_share));
+    } else if (facts.longest_gap > 0) {
         warn("gap", text("no event for %.1f ms between busy stretches: the sensor's bus dropped "
                          "events, and frames there keep some blur",
                          static_cast<double>(facts.longest_gap) * 1e-3));

@@ -24,9 +24,14 @@ struct SceneFacts {
     double flicker_hz = 0; ///< 100 or 120, whichever explains more; 0: exposure under 3 periods
     double flicker_share =
         0; ///< of the variance of the signed event rate that a sine of it explains
+    double bunched_share = 0; ///< of the events, see bunched_share()
     int64_t longest_gap =
         0; ///< microseconds (1000 or more) without an event between two busy stretches as long
 };
+
+/// Share of the events that lie at the five microseconds with most of them: 0 for fewer than 200
+/// events, and for exposures under a millisecond, where that tells nothing.
+double bunched_share(const EventView& events, const Exposure& exposure);
 
 /// blurry: height x width values, 0 ... 1. events: those of the exposure, sorted by time, inside
 /// the image.

@@ -134,8 +134,10 @@ std::vector<float> WindowedMethod::finish(std::span<const size_t> order) {
         result.insert(result.end(), begun.blurry.begin(), begun.blurry.end());
     }
     result.resize(order.size() * pixels);
+    work_.clear();
     for (const Part& part : begun.parts) {
         const auto frames = take(part);
+        work_.push_back(part.instance->method->work());
         const size_t size = part.window.computed.area();
         for (size_t i = 0; i < order.size(); ++i) {
             paste(frames.subspan(i * size, size), part.window, begun.weight, begun.blurry,

@@ -25,6 +25,9 @@ public:
     /// time in its ascending order at place order[i]; the blurry frame outside the windows.
     std::vector<float> finish(std::span<const size_t> order);
 
+    /// Of the frame finished last, window by window.
+    [[nodiscard]] const std::vector<MethodWork>& work() const { return work_; }
+
     /// Floating-point operations of all windows of the frame begun last; 0 before the first.
     [[nodiscard]] double operations() const { return operations_; }
 
@@ -58,6 +61,7 @@ private:
     uint32_t height_;
     std::vector<std::shared_ptr<Instance>> instances_; ///< the one used last at the end
     std::vector<Begun> begun_;                         ///< the oldest first
+    std::vector<MethodWork> work_;
     double operations_ = 0;
 };
 

@@ -15,6 +15,16 @@ uint64_t align(uint64_t value) {
     return (value + kBindingAlignment - 1) / kBindingAlignment * kBindingAlignment;
 }
 
+constexpr size_t kMostLaunches = 8;
+
+/// Mirrors the push constants of shaders/launch.comp.
+struct LaunchPush {
+    uint32_t flag = 0;
+    uint32_t words = 0;
+    std::array<uint32_t, 3 * kMostLaunches> wanted{};
+};
+static_assert(sizeof(LaunchPush) == 104);
+
 } // namespace
 
 Tensor Program::make(Kind kind, const Layout& layout) {
@@ -58,22 +68,13 @@ void Program::add(Dispatch dispatch) {
                                                  std::to_string(most) + "; use a smaller --size");
         }
     }
-    const auto step = static_cast<uint32_t>(steps_.size());
-    for (const Argument& argument : dispatch.arguments) {
-        if (argument.buffer == nullptr) {
-            touch(argument.tensor, step);
-        }
-    }
-    for (const Dispatch::Pointer& pointer : dispatch.pointers) {
-        if (pointer.argument.buffer == nullptr) {
-            touch(pointer.argument.tensor, step);
-        }
-    }
-    steps_.push_back({std::move(dispatch), false});
+    steps_.push_back({std::move(dispatch)});
 }
 
 void Program::clear(const Tensor& tensor) {
-    touch(tensor, static_cast<uint32_t>(steps_.size()));
+    if (conditional_) {
+        throw Error(ExitCode::device, "program: a clear cannot be left out");
+    }
     Dispatch fill;
     fill.arguments = {ecir::write(tensor)};
     fill.bytes = static_cast<double>(tensor.bytes());
@@ -81,7 +82,72 @@ void Program::clear(const Tensor& tensor) {
     steps_.push_back({std::move(fill), true});
 }
 
+void Program::when(const Tensor& flag, const std::function<void()>& record) {
+    if (conditional_) {
+        throw Error(ExitCode::device, "program: a condition inside of another");
+    }
+    const size_t begin = steps_.size();
+    conditional_ = true;
+    record();
+    conditional_ = false;
+
+    std::vector<std::array<uint32_t, 3>> wanted; // of all these dispatches, each once
+    std::vector<size_t> place;
+    for (size_t index = begin; index < steps_.size(); ++index) {
+        const auto& groups = steps_[index].dispatch.groups;
+        const auto known = std::ranges::find(wanted, groups);
+        place.push_back(static_cast<size_t>(known - wanted.begin()));
+        if (known == wanted.end()) {
+            wanted.push_back(groups);
+        }
+    }
+    std::vector<Tensor> counts;
+    std::vector<Step> launches;
+    for (size_t first = 0; first < wanted.size(); first += kMostLaunches) {
+        const size_t some = std::min(kMostLaunches, wanted.size() - first);
+        const Tensor made = temporary({static_cast<uint32_t>(some), 1, 3});
+        LaunchPush push;
+        push.flag = PushLayout(flag).origin;
+        push.words = static_cast<uint32_t>(3 * some);
+        for (size_t i = 0; i < some; ++i) {
+            std::ranges::copy(wanted[first + i], push.wanted.begin() + 3 * i);
+            counts.push_back(made.channels(static_cast<uint32_t>(i), 1));
+        }
+        Dispatch launch;
+        launch.kernel = &device_.kernel("launch", {}, 2, sizeof(push));
+        launch.arguments = {ecir::read(flag), ecir::write(made)};
+        launch.set_push(push);
+        launch.label = "launch";
+        launches.push_back({std::move(launch)});
+    }
+    for (size_t i = 0; i < place.size(); ++i) {
+        steps_[begin + i].launch = counts[place[i]];
+    }
+    steps_.insert(steps_.begin() + static_cast<std::ptrdiff_t>(begin), launches.begin(),
+                  launches.end());
+}
+
+void Program::touch_all() {
+    for (uint32_t step = 0; step < steps_.size(); ++step) {
+        const Dispatch& dispatch = steps_[step].dispatch;
+        for (const Argument& argument : dispatch.arguments) {
+            if (argument.buffer == nullptr) {
+                touch(argument.tensor, step);
+            }
+        }
+        for (const Dispatch::Pointer& pointer : dispatch.pointers) {
+            if (pointer.argument.buffer == nullptr) {
+                touch(pointer.argument.tensor, step);
+            }
+        }
+        if (steps_[step].launch) {
+            touch(*steps_[step].launch, step);
+        }
+    }
+}
+
 void Program::plan() {
+    touch_all();
     std::vector<Lifetime> lifetimes;
     const auto end = static_cast<uint32_t>(steps_.size());
     for (Slot& slot : slots_) {
@@ -136,6 +202,9 @@ std::vector<Program::Range> Program::ranges(const Step& step) const {
     }
     for (const auto& pointer : step.dispatch.pointers) {
         collect(pointer.argument);
+    }
+    if (step.launch) {
+        collect(ecir::read(*step.launch));
     }
     return result;
 }

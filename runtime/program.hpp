@@ -1,7 +1,9 @@
 #pragma once
 #include <array>
 #include <cstring>
+#include <functional>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -98,6 +100,10 @@ public:
     void add(Dispatch dispatch);
     /// Fills a whole tensor with zeros.
     void clear(const Tensor& tensor);
+    /// What `record` adds runs only where the first word of `flag` is not 0 when the device comes
+    /// to it, else tensors stay as they are; the host has no part in that. Throws Error(device) for
+    /// a clear() or another when() in it: the device cannot leave these out.
+    void when(const Tensor& flag, const std::function<void()>& record);
 
     /// Plans the memory and records. Throws Error(resources) with both figures when the arena, or
     /// one tensor, is more than the device has; nothing has run by then.
@@ -150,6 +156,7 @@ private:
     struct Step {
         Dispatch dispatch;
         bool clear = false;
+        std::optional<Tensor> launch{}; ///< workgroup counts on the device, in place of groups
     };
     struct Range {
         VkBuffer buffer;
@@ -171,6 +178,7 @@ private:
 
     Tensor make(Kind kind, const Layout& layout);
     void touch(const Tensor& tensor, uint32_t step);
+    void touch_all();
     void plan();
     void make_descriptors();
     Staging make_staging();
@@ -183,6 +191,7 @@ private:
     Device& device_;
     std::vector<Slot> slots_;
     std::vector<Step> steps_;
+    bool conditional_ = false; ///< inside of when()
     uint64_t arena_bytes_ = 0;
     uint64_t upload_bytes_ = 0;
     uint64_t readback_bytes_ = 0;

@@ -6,18 +6,23 @@
 // Intensity curve (equations 3, 6 and 7): with derivatives y_i at keypoints t_i and fixed nodes x_k,
 //     P(x_k) = sum_i y_i w_i prod_{j != i} (x_k - t_j),    w_i = 1 / prod_{j != i} (t_i - t_j)
 //     L(f)   = B + sum_k S(f, k) P(x_k)
+// and with ordered = 1, where e events fell in the 3x3 pixels around, the degree of L in time is min(n, e):
+//     L(f)   = B + sum_{j < e} T(f, j) sum_k C(j, k) P(x_k)
+// P cut off after its first terms in Legendre polynomials, which is the nearest polynomial of the degree.
 // Every difference is doubled: products of n - 1 of them stay near 1 for points spread over [-1, 1]
 // (capacity 1/2), far from the ends of float32's range. See layers/curve.hpp for the error bound.
 //
 // derivatives, keypoints  any layouts, n channels from *_channel; keypoints ascend
 // blurry                  any layout, channel blurry_channel
-// matrix                  nodes [n], then S [frames][n]
+// matrix                  nodes [n], then S [frames][n]; ordered: nodes [n], C [n][n], T [frames][n]
+// offsets                 ordered: [height * width + 1], events of pixel p are offsets[p] ... offsets[p + 1] - 1
 // frames                  any layout, `count` channels: rows `row`, row + 1, ... of S
 // Precondition: count <= FRAMES; width <= 64 x groups.x, height = groups.y.
 // Tile: one pixel an invocation, 64 x 1 pixels a workgroup; loops over n and FRAMES unrolled.
 layout(local_size_x = 64) in;
 layout(constant_id = 0) const uint n = 10;
 layout(constant_id = 1) const uint spaced = 1; // 1: keypoints are spread to `spacing` first
+layout(constant_id = 2) const uint ordered = 0;
 
 const uint FRAMES = 16;
 
@@ -26,6 +31,7 @@ layout(std430, binding = 1) readonly buffer Keypoints { float keypoints[]; };
 layout(std430, binding = 2) readonly buffer Blurry { float blurry[]; };
 layout(std430, binding = 3) readonly buffer Matrix { float matrix[]; };
 layout(std430, binding = 4) writeonly buffer Frames { float frames[]; };
+layout(std430, binding = 5) readonly buffer Offsets { uint offsets[]; };
 
 layout(push_constant) uniform Push {
     TensorLayout derivatives_layout;
@@ -44,6 +50,17 @@ layout(push_constant) uniform Push {
 
 // Keypoints that float32 cannot tell apart count as this far apart, so that the result stays finite.
 const float CLOSEST = 1.0 / 16777216.0;
+
+// min(n, events of the 3x3 pixels around).
+uint order_at(uint x, uint y) {
+    const uint left = max(x, 1) - 1;
+    const uint right = min(x + 1, width - 1);
+    uint events = 0;
+    for (uint row_of = max(y, 1) - 1; row_of <= min(y + 1, height - 1); ++row_of) {
+        events += offsets[row_of * width + right + 1] - offsets[row_of * width + left];
+    }
+    return min(events, n);
+}
 
 void main() {
     const uint x = gl_GlobalInvocationID.x;
@@ -97,12 +114,28 @@ void main() {
         value[k] = sum;
     }
 
+    uint rows = 1; // before those of frame 0
+    if (ordered != 0) {
+        const uint order = order_at(x, y);
+        float term[n];
+        [[unroll]] for (uint j = 0; j < n; ++j) {
+            term[j] = 0;
+            [[unroll]] for (uint k = 0; k < n; ++k) {
+                term[j] += matrix[(1 + j) * n + k] * value[k];
+            }
+        }
+        [[unroll]] for (uint j = 0; j < n; ++j) {
+            value[j] = j < order ? term[j] : 0;
+        }
+        rows += n;
+    }
+
     const float mean = blurry[element(blurry_layout, blurry_channel, y, x)];
     [[unroll]] for (uint f = 0; f < FRAMES; ++f) {
         if (f < count) {
             float change = 0;
             [[unroll]] for (uint k = 0; k < n; ++k) {
-                change += matrix[(1 + row + f) * n + k] * value[k];
+                change += matrix[(rows + row + f) * n + k] * value[k];
             }
             frames[element(frames_layout, f, y, x)] = mean + change;
         }

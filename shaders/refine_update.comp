@@ -9,24 +9,25 @@
 //     L_i    <- L_i - alpha_i D_i
 // refine_update_lane.comp is the same for drivers that run on a CPU.
 //
-// initial    L0        frames     L, zeros around the image, neighbours of a frame beside it
-// state      R_{i-1} is plane 6 i + 5 (layers/refine.hpp)
+// initial    L0
+// state      L_i is plane 6 i, zeros around the image, R_{i-1} plane 6 i + 5 (layers/refine.hpp)
 // updated    the new L
+// largest    [1]: becomes at least the largest change of a pixel, as a float's bits, which have its order
 // All block 1 and of one row and plane stride; the origins point at (0, 0) of frame `first`.
 // Precondition: width <= 64 x groups.x, height = groups.y, one frame a groups.z.
 // Tile: one pixel of one frame an invocation, 64 x 1 pixels a workgroup.
 layout(local_size_x = 64) in;
 
 layout(std430, binding = 0) readonly buffer Initial { float initial[]; };
-layout(std430, binding = 1) readonly buffer Frames { float frames[]; };
-layout(std430, binding = 2) readonly buffer State { float state[]; };
-layout(std430, binding = 3) writeonly buffer Updated { float updated[]; };
+layout(std430, binding = 1) readonly buffer State { float state[]; };
+layout(std430, binding = 2) writeonly buffer Updated { float updated[]; };
+layout(std430, binding = 3) buffer Largest { uint largest[]; };
 
 layout(push_constant) uniform Push {
     uint initial_origin;
-    uint frames_origin;
     uint state_origin;
     uint updated_origin;
+    uint largest_origin;
     uint row;
     uint plane;
     uint width;
@@ -38,25 +39,41 @@ layout(push_constant) uniform Push {
 
 #include "refine_step.glsl"
 
-void main() {
-    const uint x = gl_GlobalInvocationID.x;
-    const uint z = gl_WorkGroupID.z;
-    if (x >= width) {
-        return;
-    }
-    const uint pixel = gl_WorkGroupID.y * row + x;
-    const uint at = frames_origin + z * plane + pixel;
+shared uint largest_here;
+
+// Takes the step of a pixel of frame first + z; returns how far that is.
+float move(uint pixel, uint z) {
+    const uint at = state_origin + 6 * z * plane + pixel;
     float sum = alpha[9];
     [[unroll]] for (uint dy = 0; dy < 3; ++dy) {
         [[unroll]] for (uint dx = 0; dx < 3; ++dx) {
-            sum += alpha[3 * dy + dx] * frames[at + dy * row + dx - row - 1];
+            sum += alpha[3 * dy + dx] * state[at + dy * row + dx - row - 1];
         }
     }
     const uint before = min(first + z, 1);
     const uint after = min(last - first - z, 1);
-    const uint residual = state_origin + (6 * z + 5) * plane + pixel;
-    updated[updated_origin + z * plane + pixel] =
-        refine_step(sum, largest_step, frames[at], initial[initial_origin + z * plane + pixel], before != 0,
-                    frames[at - before * plane], state[residual], after != 0,
-                    frames[at + after * plane], state[residual + after * 6 * plane]);
+    const uint residual = at + 5 * plane;
+    const float value = state[at];
+    const float result =
+        refine_step(sum, largest_step, value, initial[initial_origin + z * plane + pixel], before != 0,
+                    state[at - before * 6 * plane], state[residual], after != 0,
+                    state[at + after * 6 * plane], state[residual + after * 6 * plane]);
+    updated[updated_origin + z * plane + pixel] = result;
+    return abs(result - value);
+}
+
+void main() {
+    const uint x = gl_GlobalInvocationID.x;
+    const uint z = gl_WorkGroupID.z;
+    if (gl_LocalInvocationIndex == 0) {
+        largest_here = 0;
+    }
+    barrier();
+    if (x < width) {
+        atomicMax(largest_here, floatBitsToUint(move(gl_WorkGroupID.y * row + x, z)));
+    }
+    barrier();
+    if (gl_LocalInvocationIndex == 0) {
+        atomicMax(largest[largest_origin], largest_here);
+    }
 }

@@ -306,6 +306,35 @@ TEST_SUITE("cli deblur") {
         CHECK_FALSE(fs::exists(scene.result("reported-2")));
     }
 
+    TEST_CASE("a report says how much of E-CIR an exposure took") {
+        const Scene& scene = Scene::get();
+        const std::string file = scene.result("need.json");
+        const auto report_of = [&](const Arguments& more) {
+            must(scene.deblur(
+                scene.result("need"),
+                Arguments{"-m", "ecir", "--frames", "3", "--report", file, "--overwrite"} + more));
+            return nlohmann::json::parse(get(file))["exposures"][0];
+        };
+        const auto all = report_of({"--refine-until", "0"});
+        const auto& updates = all["refinement"]["largest_update_levels"][0];
+        CHECK(all["refinement"]["iterations"][0] == 3);
+        REQUIRE(updates.size() == 3);
+        CHECK(updates[0].get<double>() > 0);
+        CHECK(all["orders"].is_null());
+        const auto one = report_of({"--refine-until", "255", "--order", "events"});
+        CHECK(one["refinement"]["iterations"][0] == 1);
+        CHECK(one["refinement"]["largest_update_levels"][0].size() == 1);
+        CHECK(one["orders"]["pixels"].size() == 11);
+        CHECK(one["orders"]["mean"].get<double>() > 0);
+        CHECK(one["orders"]["mean"].get<double>() < 10);
+        CHECK(report_of({"--refine", "0"})["refinement"].is_null());
+        for (const Arguments& option : {Arguments{"--refine-until", "1"}, {"--order", "events"}}) {
+            const Outcome refused = run_ecir(scene.deblur(scene.result("x"), kEdi + option));
+            CHECK(refused.code == 2);
+            CHECK(refused.err.find(option.front()) != std::string::npos);
+        }
+    }
+
     TEST_CASE("late events are those of a later exposure") {
         const Scene& scene = Scene::get();
         must(scene.deblur(scene.result("late.npy"), Arguments{"--lag", "700"} + kEdi));

@@ -69,24 +69,31 @@ Pixels make_pixels(uint32_t n, uint64_t seed) {
     return pixels;
 }
 
-/// Frames by the kernel: frame f of pixel p at [f * pixels + p].
+/// Frames by the kernel: frame f of pixel p at [f * pixels + p]. offsets: of the events that the
+/// order follows, none for the full order.
 std::vector<float> frames(Device& device, const Pixels& pixels, bool spaced,
-                          const std::vector<double>& times) {
+                          const std::vector<double>& times,
+                          const std::vector<uint32_t>& offsets = {}) {
+    const bool ordered = !offsets.empty();
     const auto d = static_cast<uint32_t>(times.size());
     Program program(device);
     const Layout many{pixels.n, 1, pixels.count, 1, 0, 0};
     const Tensor derivatives = program.input(many);
     const Tensor keypoints = program.input(many);
     const Tensor blurry = program.input({1, 1, pixels.count, 1, 0, 0});
-    const Tensor matrix = program.input(curve_matrix_layout(pixels.n, d));
+    const Tensor matrix = program.input(curve_matrix_layout(pixels.n, d, ordered));
+    const Tensor offset_input = program.input({1, 1, pixels.count + 1});
     const Tensor out = program.output({d, 1, pixels.count, 1, 0, 0});
     record_curve(program, derivatives, keypoints, blurry, matrix, out,
-                 {.n = pixels.n, .spaced = spaced});
+                 {.n = pixels.n,
+                  .spaced = spaced,
+                  .offsets = ordered ? std::optional(offset_input) : std::nullopt});
     program.finish();
     program.write(derivatives, pixels.derivatives);
     program.write(keypoints, pixels.keypoints);
     program.write(blurry, pixels.blurry);
-    program.write(matrix, curve_matrix(pixels.n, times));
+    program.write(matrix, ordered ? curve_series(pixels.n, times) : curve_matrix(pixels.n, times));
+    program.write(offset_input, offsets);
     program.run();
     const auto memory = program.read(out);
     return {memory.begin(), memory.end()};
@@ -344,10 +351,61 @@ TEST_SUITE("curve") {
         CHECK(to_dense(wide, program.read(out)) == expected);
     }
 
+    TEST_CASE("the order follows the events of a pixel and its neighbours") {
+        // Two events at (1, 0), one at (4, 2): 5 x 3 pixels.
+        std::vector<uint32_t> offsets{0};
+        for (uint32_t p = 0; p < 15; ++p) {
+            offsets.push_back(offsets.back() + (p == 1 ? 2 : p == 14 ? 1 : 0));
+        }
+        CHECK(curve_orders(offsets, 5, 3, 4) == std::vector<size_t>{5, 4, 6, 0, 0});
+        CHECK(curve_orders(offsets, 5, 3, 1) == std::vector<size_t>{5, 10});
+        offsets.assign(2, 0);
+        offsets.back() = 9;
+        CHECK(curve_orders(offsets, 1, 1, 4) == std::vector<size_t>{0, 0, 0, 0, 1});
+    }
+
+    TEST_CASE("a curve of lower order: constant without events, the blurry frame in the mean") {
+        const auto device = Device::open();
+        constexpr uint32_t n = 10;
+        const Pixels pixels = make_pixels(n, 5);
+        // Far enough apart to have no neighbours in common: pixel 5 p has p events.
+        std::vector<uint32_t> offsets{0};
+        for (uint32_t p = 0; p < pixels.count; ++p) {
+            offsets.push_back(offsets.back() + (p % 5 == 0 ? p / 5 : 0));
+        }
+        const Quadrature rule = gauss_legendre(n);
+        const auto plain = frames(*device, pixels, true, rule.nodes);
+        const auto ordered = frames(*device, pixels, true, rule.nodes, offsets);
+        for (uint32_t p = 0; p < pixels.count; p += 5) {
+            CAPTURE(p);
+            double mean = 0;
+            double largest = 0;
+            double beyond = 0; // share of the Legendre polynomial of the next degree
+            const uint32_t order = std::min(p / 5, n);
+            for (uint32_t q = 0; q < n; ++q) {
+                const double value = ordered[q * pixels.count + p];
+                mean += rule.weights[q] / 2 * value;
+                largest = std::max(largest, std::abs(value));
+                if (order + 1 < n) {
+                    beyond += rule.weights[q] * value * std::legendre(order + 1, rule.nodes[q]);
+                }
+                if (order == 0) {
+                    CHECK(ordered[q * pixels.count + p] == pixels.blurry[p]);
+                }
+                if (order == n) {
+                    CHECK(value == doctest::Approx(plain[q * pixels.count + p]).epsilon(1e-4));
+                }
+            }
+            CHECK(std::abs(mean - pixels.blurry[p]) < 1e-6 * largest);
+            CHECK(std::abs(beyond) < 1e-6 * largest);
+        }
+    }
+
     TEST_CASE("what does not fit is refused") {
         const auto device = Device::open();
         const double outside[] = {1.001};
         CHECK_THROWS_AS(curve_matrix(10, outside), Error);
+        CHECK_THROWS_AS(curve_series(10, outside), Error);
         CHECK_THROWS_AS(curve_nodes(1), Error);
         CHECK_THROWS_AS(curve_nodes(21), Error);
         Program program(*device);
@@ -361,5 +419,12 @@ TEST_SUITE("curve") {
         CHECK_THROWS_AS(record_curve(program, ten, ten, blurry, matrix, out, {.n = 9}), Error);
         CHECK_THROWS_AS(
             record_curve(program, ten, ten, blurry, matrix, out, {.keypoint_channel = 1}), Error);
+        const Tensor series = program.input(curve_matrix_layout(10, 4, true));
+        const Tensor offsets = program.input({1, 1, 7});
+        const CurveOptions ordered{.offsets = offsets};
+        CHECK_NOTHROW(record_curve(program, ten, ten, blurry, series, out, ordered));
+        CHECK_THROWS_AS(record_curve(program, ten, ten, blurry, matrix, out, ordered), Error);
+        CHECK_THROWS_AS(record_curve(program, ten, ten, blurry, series, out, {.offsets = matrix}),
+                        Error);
     }
 }

@@ -22,14 +22,15 @@ std::vector<float> update(Device& device, const reference::ImageSize& size, uint
     Layout state_layout = refine_state_layout(d, size.height, size.width);
     state_layout.pitch = pitch;
     const Tensor initial_input = program.input(layout);
-    const Tensor frame_input = program.input(layout);
     const Tensor state = program.input(state_layout);
     const Tensor updated = program.output(layout);
-    record_refine_update(program, initial_input, frame_input, state, alpha, updated, largest_step);
+    const Tensor largest = program.temporary({1, 1, 1});
+    program.clear(largest);
+    record_refine_update(program, initial_input, state, alpha, updated, largest, largest_step);
     program.finish();
     program.write(initial_input, from_dense(layout, initial));
-    program.write(frame_input, from_dense(layout, frames));
-    program.write(state, from_dense(state_layout, reference::residual_state(residuals, d, size)));
+    program.write(state,
+                  from_dense(state_layout, reference::update_state(frames, residuals, size)));
     program.run();
     return to_dense(layout, program.read(updated));
 }
@@ -154,6 +155,32 @@ TEST_SUITE("refine") {
         }
     }
 
+    TEST_CASE("what has settled, no longer falls, or is no number ends the refinement") {
+        const auto device = Device::open();
+        const auto goes_on = [&](float largest, float least, std::optional<float> before) {
+            Program program(*device);
+            const Tensor seen = program.input({3, 1, 1});
+            const Tensor moving = program.output({2, 1, 1});
+            program.clear(moving);
+            record_refine_settled(program, seen.channels(1, 1), least,
+                                  before ? std::optional(seen.channels(2, 1)) : std::nullopt,
+                                  moving.channels(1, 1));
+            program.finish();
+            program.write(seen, std::vector<float>{0, largest, before.value_or(0)});
+            program.run();
+            CHECK(program.read(moving)[0] == 0);
+            return program.read(moving)[1] == 1;
+        };
+        CHECK(goes_on(0.2F, 0.1F, {}));
+        CHECK(goes_on(0.1F, 0.1F, {}));
+        CHECK_FALSE(goes_on(0.09F, 0.1F, {}));
+        CHECK_FALSE(goes_on(0, 0.1F, {}));
+        CHECK(goes_on(0.2F, 0.1F, 0.3F));
+        CHECK_FALSE(goes_on(0.2F, 0.1F, 0.2F));
+        CHECK_FALSE(goes_on(0.09F, 0.1F, 0.3F));
+        CHECK_FALSE(goes_on(NAN, 0.1F, {}));
+    }
+
     TEST_CASE("update: frames larger together than the device can bind") {
         const auto device = Device::open();
         const uint64_t range = device->info().max_storage_range;
@@ -190,8 +217,8 @@ TEST_SUITE("refine") {
         CHECK_THROWS_AS(record_refine_state(program, frames, &counts, small), Error);
         CHECK_THROWS_AS(record_refine_state(program, narrow, &counts, state), Error);
         CHECK_THROWS_AS(record_refine_state(program, frames, &frames, state), Error);
-        CHECK_THROWS_AS(record_refine_update(program, frames, frames, small, {}, frames), Error);
-        CHECK_THROWS_AS(record_refine_update(program, frames, blocked, state, {}, frames), Error);
-        CHECK_THROWS_AS(record_refine_update(program, frames, bare, state, {}, frames), Error);
+        CHECK_THROWS_AS(record_refine_update(program, frames, small, {}, frames, bare), Error);
+        CHECK_THROWS_AS(record_refine_update(program, blocked, state, {}, frames, bare), Error);
+        CHECK_THROWS_AS(record_refine_update(program, frames, state, {}, bare, bare), Error);
     }
 }

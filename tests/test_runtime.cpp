@@ -189,6 +189,55 @@ TEST_SUITE("runtime") {
         program.submit(); // what nobody waits for ends before the program does
     }
 
+    TEST_CASE("what depends on a flag runs where it is set, from run to run") {
+        const auto device = Device::open();
+        Program program(*device);
+        constexpr uint32_t kShapes = 11; // more than one launch kernel prepares
+        const Tensor flag = program.input({3, 1, 1});
+        std::vector<Tensor> from;
+        std::vector<Tensor> to;
+        for (uint32_t i = 0; i < kShapes; ++i) {
+            from.push_back(program.input({1, i + 2, 64}));
+            to.push_back(program.output({1, i + 2, 64}));
+            program.clear(to.back());
+        }
+        program.when(flag.channels(1, 1), [&] {
+            for (uint32_t i = 0; i < kShapes; ++i) {
+                add_copy(program, from[i], to[i]);
+            }
+            add_copy(program, to[3], to[3]); // a shape for the second time
+        });
+        program.finish();
+        const std::vector<float> values = CaseRandom(9).values(64 * (kShapes + 1), 1, 2);
+        for (const float set : {1.0F, 0.0F, 1.0F}) {
+            program.write(flag, std::vector<float>{7, set, 8});
+            for (uint32_t i = 0; i < kShapes; ++i) {
+                program.write(from[i], std::span(values).first(size_t{64} * (i + 2)));
+            }
+            program.run();
+            for (uint32_t i = 0; i < kShapes; ++i) {
+                const auto made = program.read(to[i]);
+                CAPTURE(i);
+                CHECK(std::ranges::equal(made, std::span(values).first(made.size()), {}, {},
+                                         [&](float value) { return set * value; }));
+            }
+        }
+    }
+
+    TEST_CASE("a clear and a second condition inside of one are refused") {
+        const auto device = Device::open();
+        const auto refused = [&](const auto& inside) {
+            Program program(*device);
+            const Tensor flag = program.input({1, 1, 1});
+            return code_of([&] { program.when(flag, [&] { inside(program, flag); }); });
+        };
+        CHECK(refused([](Program& program, const Tensor& flag) { program.clear(flag); }) ==
+              ExitCode::device);
+        CHECK(refused([](Program& program, const Tensor& flag) { program.when(flag, [] {}); }) ==
+              ExitCode::device);
+        CHECK(refused([](Program&, const Tensor&) {}) == ExitCode::ok);
+    }
+
     TEST_CASE("long work goes in several submissions and still adds up") {
         const auto device = Device::open();
         Program program(*device);

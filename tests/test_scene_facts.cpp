@@ -183,6 +183,39 @@ TEST_SUITE("scene facts") {
         CHECK(warned(seen.facts(), "hot-pixels"));
     }
 
+    TEST_CASE("times that are bunched, by a coarse clock and by a bus that stands still") {
+        const Seen even = moving(30); // in 240 steps
+        const auto stamped = [&](const std::function<int64_t(int64_t)>& clock) {
+            Seen seen = even;
+            for (int64_t& time : seen.events.t) {
+                time = kExposure.start + clock(time - kExposure.start);
+            }
+            return seen.facts();
+        };
+        CHECK(even.facts().bunched_share < 0.05);
+        CHECK_FALSE(warned(even.facts(), "bunched"));
+        const SceneFacts coarse = stamped([](int64_t t) { return t / 6000 * 6000; });
+        CHECK(coarse.bunched_share > 0.25); // 5 of 21
+        CHECK(warned(coarse, "bunched"));
+        CHECK_FALSE(warned(coarse, "gap"));
+        const SceneFacts late =
+            stamped([](int64_t t) { return t > 30'000 && t < 60'000 ? 60'000 : t; });
+        CHECK(late.bunched_share > 0.2);
+        CHECK(warned(late, "bunched"));
+        CHECK(stamped([](int64_t) { return 7; }).bunched_share == 1);
+        // Few events, or no room for many times, tell nothing.
+        const Seen few{even.blurry, [&] {
+                           Events first;
+                           for (size_t i = 0; i < 150; ++i) {
+                               first.push_back(kExposure.start, even.events.x[i], even.events.y[i],
+                                               1);
+                           }
+                           return first;
+                       }()};
+        CHECK(few.facts().bunched_share == 0);
+        CHECK(bunched_share(even.events.view(), {0, 900}) == 0);
+    }
+
     TEST_CASE("a bus that drops events leaves a gap") {
         Seen seen = moving(30);
         CHECK(seen.facts().longest_gap == 0);

@@ -97,7 +97,7 @@ TEST_SUITE("speed" * doctest::skip()) {
     TEST_CASE("the published network's full size, 240x180, 14 frames, 3 iterations: 2.5 s, the "
               "curve at most 5 % of it") {
         const RandomWeights file;
-        EcirMethod method(Device::open(), SafeTensors(file.path()), 180, 240, {});
+        EcirMethod method(Device::open(), SafeTensors(file.path()), 180, 240, {.refine_until = 0});
         CaseRandom random(2);
         const Events events = even_events(random, {0, 120'000}, 240, 180, 100'000);
         const auto blurry = random.values(size_t{240} * 180, 0, 1);

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <string>
 
 #include "layers/curve.hpp"
@@ -70,8 +71,8 @@ std::vector<float> reference::spread_keypoints(std::span<const float> keypoints)
 }
 
 double reference::curve(std::span<const float> keypoints, std::span<const float> derivatives,
-                        double blurry, double t) {
-    const auto derivative = [&](double s) {
+                        double blurry, double t, uint32_t order) {
+    const auto whole = [&](double s) {
         double sum = 0;
         for (size_t i = 0; i < keypoints.size(); ++i) {
             double term = derivatives[i];
@@ -85,6 +86,27 @@ double reference::curve(std::span<const float> keypoints, std::span<const float>
         return sum;
     };
     const Quadrature rule = gauss_legendre(static_cast<uint32_t>(keypoints.size()));
+    std::vector<double> series; // shares of the Legendre polynomials that are kept
+    if (order < keypoints.size()) {
+        for (uint32_t j = 0; j < order; ++j) {
+            double share = 0;
+            for (size_t q = 0; q < rule.nodes.size(); ++q) {
+                share += (j + 0.5) * rule.weights[q] * std::legendre(j, rule.nodes[q]) *
+                         whole(rule.nodes[q]);
+            }
+            series.push_back(share);
+        }
+    }
+    const auto derivative = [&](double s) {
+        if (order >= keypoints.size()) {
+            return whole(s);
+        }
+        double sum = 0;
+        for (uint32_t j = 0; j < order; ++j) {
+            sum += series[j] * std::legendre(j, s);
+        }
+        return sum;
+    };
     double primitive = 0;
     double mean = 0; // half the integral of the primitive, by parts
     for (size_t q = 0; q < rule.nodes.size(); ++q) {
@@ -95,7 +117,37 @@ double reference::curve(std::span<const float> keypoints, std::span<const float>
     return blurry + primitive - mean;
 }
 
-Trial curve_trial(Device& device, uint32_t trial) {
+namespace {
+
+/// Events of some pixels in every other square of 24 x 24, as PackedEvents::offset.
+std::vector<uint32_t> case_offsets(CaseRandom& random, uint32_t width, uint32_t pixels) {
+    std::vector<uint32_t> offsets{0};
+    for (uint32_t p = 0; p < pixels; ++p) {
+        const bool still = (p % width / 24 + p / width / 24) % 2 == 1;
+        const bool quiet = still || random.integer(0, 9) < 8;
+        offsets.push_back(offsets.back() + (quiet ? 0 : random.integer(1, 4)));
+    }
+    return offsets;
+}
+
+/// min(n, events of the 3 x 3 pixels around pixel p).
+uint32_t order_at(const std::vector<uint32_t>& offsets, const Case& shape, uint32_t p) {
+    uint32_t events = 0;
+    for (int dy = -1; dy <= 1; ++dy) {
+        for (int dx = -1; dx <= 1; ++dx) {
+            const int x = static_cast<int>(p % shape.width) + dx;
+            const int y = static_cast<int>(p / shape.width) + dy;
+            if (x >= 0 && y >= 0 && x < static_cast<int>(shape.width) &&
+                y < static_cast<int>(shape.height)) {
+                const size_t at = static_cast<size_t>(y) * shape.width + static_cast<size_t>(x);
+                events += offsets[at + 1] - offsets[at];
+            }
+        }
+    }
+    return std::min(events, shape.n);
+}
+
+Trial trial_of(Device& device, uint32_t trial, bool ordered) {
     const Case& shape = cases.at(trial);
     const uint32_t n = shape.n;
     const uint32_t pixels = shape.width * shape.height;
@@ -113,6 +165,8 @@ Trial curve_trial(Device& device, uint32_t trial) {
     std::fill_n(derivatives.begin(), size_t{shape.offset} * pixels, 1e6F);
     std::fill_n(blurry.begin(), size_t{shape.offset} * pixels, 1e6F);
 
+    const auto offsets = case_offsets(random, shape.width, pixels);
+
     Trial result;
     result.reference.resize(size_t{shape.d} * pixels);
     for (uint32_t p = 0; p < pixels; ++p) {
@@ -126,7 +180,8 @@ Trial curve_trial(Device& device, uint32_t trial) {
         const std::vector<float> used = shape.spaced ? reference::spread_keypoints(t) : t;
         for (uint32_t i = 0; i < shape.d; ++i) {
             result.reference[size_t{i} * pixels + p] =
-                reference::curve(used, y, blurry[size_t{shape.offset} * pixels + p], times[i]);
+                reference::curve(used, y, blurry[size_t{shape.offset} * pixels + p], times[i],
+                                 ordered ? order_at(offsets, shape, p) : max_keypoints);
         }
     }
 
@@ -142,18 +197,31 @@ Trial curve_trial(Device& device, uint32_t trial) {
     const Tensor derivative_input = program.input(many);
     const Tensor keypoint_input = program.input(many);
     const Tensor blurry_input = program.input(one);
-    const Tensor matrix = program.input(curve_matrix_layout(n, shape.d));
+    const Tensor matrix = program.input(curve_matrix_layout(n, shape.d, ordered));
+    const Tensor offset_input = program.input({1, 1, pixels + 1});
     result.output = program.output({shape.d, shape.height, shape.width, 1, shape.halo, 0});
     program.clear(result.output);
     result.first_step = program.steps();
     record_curve(program, derivative_input, keypoint_input, blurry_input, matrix, result.output,
-                 {n, shape.spaced, shape.offset, shape.offset, shape.offset});
+                 {n, shape.spaced, shape.offset, shape.offset, shape.offset,
+                  ordered ? std::optional(offset_input) : std::nullopt});
     program.finish();
     program.write(derivative_input, from_dense(many, derivatives));
     program.write(keypoint_input, from_dense(many, keypoints));
     program.write(blurry_input, from_dense(one, blurry));
-    program.write(matrix, curve_matrix(n, times));
+    program.write(matrix, ordered ? curve_series(n, times) : curve_matrix(n, times));
+    program.write(offset_input, offsets);
     return result;
+}
+
+} // namespace
+
+Trial curve_trial(Device& device, uint32_t trial) {
+    return trial_of(device, trial, false);
+}
+
+Trial curve_order_trial(Device& device, uint32_t trial) {
+    return trial_of(device, trial, true);
 }
 
 } // namespace ecir

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <string>
 
 #include "layers/elementwise.hpp"
@@ -56,15 +57,21 @@ std::vector<double> reference::refine_state(std::span<const float> frames,
     return state;
 }
 
-std::vector<float> reference::residual_state(std::span<const float> residuals, uint32_t frames,
-                                             const ImageSize& size) {
+std::vector<float> reference::update_state(std::span<const float> frames,
+                                           std::span<const float> residuals,
+                                           const ImageSize& size) {
     const size_t pixels = size.pixels();
-    std::vector<float> state(size_t{refine_planes} * frames * pixels);
-    for (size_t i = 0; i + 1 < frames; ++i) {
-        std::ranges::copy(residuals.subspan(i * pixels, pixels),
-                          state.begin() +
-                              static_cast<std::ptrdiff_t>(
-                                  (refine_planes * (i + 1) + refine_residual_plane) * pixels));
+    const size_t d = frames.size() / pixels;
+    std::vector<float> state(refine_planes * frames.size());
+    const auto place = [&](std::span<const float> from, size_t i, size_t plane) {
+        std::ranges::copy(from.subspan(i * pixels, pixels),
+                          state.begin() + static_cast<std::ptrdiff_t>(plane * pixels));
+    };
+    for (size_t i = 0; i < d; ++i) {
+        place(frames, i, refine_planes * i);
+        if (i + 1 < d) {
+            place(residuals, i, refine_planes * (i + 1) + refine_residual_plane);
+        }
     }
     return state;
 }
@@ -140,7 +147,12 @@ Trial refine_state_trial(Device& device, uint32_t trial) {
     return result;
 }
 
-Trial refine_update_trial(Device& device, uint32_t trial) {
+namespace {
+
+/// What to look at after an update.
+enum class Looked { updated, largest };
+
+Trial update_trial(Device& device, uint32_t trial, Looked looked) {
     const Case& shape = cases.at(trial);
     const reference::ImageSize size{shape.height, shape.width};
     CaseRandom random(500 + trial);
@@ -161,19 +173,37 @@ Trial refine_update_trial(Device& device, uint32_t trial) {
     Program& program = *result.program;
     const Layout layout{shape.d, shape.height, shape.width, 1, 1};
     const Tensor initial_input = program.input(layout);
-    const Tensor frame_input = program.input(layout);
     const Tensor state = program.input(refine_state_layout(shape.d, shape.height, shape.width));
-    result.output = program.output(layout);
-    program.clear(result.output);
+    const Tensor updated = program.output(layout);
+    const Tensor change = program.output({1, 1, 1});
+    result.output = looked == Looked::updated ? updated : change;
+    program.clear(updated);
+    program.clear(change);
     result.first_step = program.steps();
-    record_refine_update(program, initial_input, frame_input, state, alpha, result.output, largest);
+    record_refine_update(program, initial_input, state, alpha, updated, change, largest);
     program.finish();
     program.write(initial_input, from_dense(layout, initial));
-    program.write(frame_input, from_dense(layout, frames));
     program.write(state,
-                  from_dense(state.layout(), reference::residual_state(residuals, shape.d, size)));
+                  from_dense(state.layout(), reference::update_state(frames, residuals, size)));
     result.reference = reference::refine_update(initial, frames, residuals, alpha, size, largest);
+    if (looked == Looked::largest) {
+        double most = 0;
+        for (size_t i = 0; i < frames.size(); ++i) {
+            most = std::max(most, std::abs(result.reference[i] - frames[i]));
+        }
+        result.reference = {most};
+    }
     return result;
+}
+
+} // namespace
+
+Trial refine_update_trial(Device& device, uint32_t trial) {
+    return update_trial(device, trial, Looked::updated);
+}
+
+Trial refine_largest_trial(Device& device, uint32_t trial) {
+    return update_trial(device, trial, Looked::largest);
 }
 
 } // namespace ecir

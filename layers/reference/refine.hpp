@@ -20,9 +20,9 @@ struct ImageSize {
 std::vector<double> refine_state(std::span<const float> frames, std::span<const float> counts,
                                  const ImageSize& size);
 
-/// Dense planes of a state with these residuals and zeros for everything else.
-std::vector<float> residual_state(std::span<const float> residuals, uint32_t frames,
-                                  const ImageSize& size);
+/// Dense planes of a state with these frames and residuals and zeros for everything else.
+std::vector<float> update_state(std::span<const float> frames, std::span<const float> residuals,
+                                const ImageSize& size);
 
 /// The step that record_refine_update() describes, in double, for all d frames.
 std::vector<double> refine_update(std::span<const float> initial, std::span<const float> frames,
@@ -36,5 +36,7 @@ namespace ecir {
 
 Trial refine_state_trial(Device& device, uint32_t trial);
 Trial refine_update_trial(Device& device, uint32_t trial);
+/// Of the same cases, the largest change.
+Trial refine_largest_trial(Device& device, uint32_t trial);
 
 } // namespace ecir

@@ -72,6 +72,7 @@ DeblurOptions options_of(const ModelCase& work) {
     DeblurOptions options;
     options.model = work.model;
     options.refine = work.refine;
+    options.refine_until = 0; // as much work as is asked for, whatever the weights
     return options;
 }
 

@@ -24,6 +24,7 @@ struct Options {
     std::string size;
     std::string lag;
     std::string regions = "on";
+    std::string order = "full";
     std::string quality;
 };
 
@@ -90,6 +91,7 @@ DeblurJob to_job(const Options& options) {
         job.lag = parse_time("--lag", options.lag);
     }
     job.deblur.regions = options.regions == "on";
+    job.deblur.ordered = options.order == "events";
     if (job.deblur.model != "auto" && (job.budget_ms || !options.quality.empty())) {
         refuse("--quality and --budget choose between models; leave them out, or -m " +
                job.deblur.model);
@@ -191,6 +193,21 @@ void add_method(CLI::App& command, Options& o) {
                     "Refinement iterations of E-CIR; fusion networks: 1, or 0 for the prior alone")
         ->check(within(0, 1000))
         ->option_text("N [as trained]")
+        ->group(group);
+    command
+        .add_option("--refine-until", o.job.deblur.refine_until,
+                    "Of E-CIR: end the refinement after an iteration that changed no pixel by so "
+                    "many grey levels of 255, and beyond the trained iterations where changes no "
+                    "longer fall; 0: never")
+        ->check(within(0, 255))
+        ->option_text("LEVELS [0.25]")
+        ->group(group);
+    command
+        .add_option("--order", o.order,
+                    "Of E-CIR's curve: as many as the events that a pixel and its neighbours have, "
+                    "or full everywhere")
+        ->check(CLI::IsMember({"events", "full"}))
+        ->option_text("events|full [" + o.order + "]")
         ->group(group);
     command
         .add_option("--keypoints", o.job.deblur.keypoints, "Must be what the model was trained for")

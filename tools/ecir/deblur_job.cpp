@@ -234,6 +234,7 @@ private:
         oldest.report.model = deblur_->model();
         oldest.report.active_share = deblur_->active_share();
         oldest.report.windows = deblur_->windows();
+        oldest.report.work = deblur_->work();
         if (oldest.report.facts.events > 0 && oldest.report.windows.empty()) {
             oldest.report.warnings.push_back(
                 {"still", "its events look like noise, nothing in them like motion, so its frames "

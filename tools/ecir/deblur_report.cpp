@@ -1,6 +1,8 @@
 #include "tools/ecir/deblur_report.hpp"
 
+#include <algorithm>
 #include <cmath>
+#include <functional>
 #include <nlohmann/json.hpp>
 
 namespace ecir::cli {
@@ -26,8 +28,43 @@ Json describe(const SceneFacts& facts) {
     scene["hot_pixels"] = facts.hot_pixels;
     scene["flicker_hz"] = facts.flicker_hz > 0 ? Json(facts.flicker_hz) : Json();
     scene["flicker_share"] = rounded(facts.flicker_share);
+    scene["bunched_share"] = rounded(facts.bunched_share);
     scene["longest_gap_us"] = facts.longest_gap;
     return scene;
+}
+
+/// By window: iterations, and the largest change of a pixel in each, grey levels; null without any.
+Json describe_refinement(const std::vector<MethodWork>& windows) {
+    Json iterations = Json::array();
+    Json updates = Json::array();
+    for (const MethodWork& work : windows) {
+        if (!work.updates.empty()) {
+            iterations.push_back(work.updates.size());
+            updates.push_back(Json::array());
+            for (const float update : work.updates) {
+                updates.back().push_back(rounded(255 * double{update}));
+            }
+        }
+    }
+    return iterations.empty()
+               ? Json()
+               : Json{{"iterations", iterations}, {"largest_update_levels", updates}};
+}
+
+/// Pixels computed, by the order of their curve, and its mean; null where no order follows events.
+Json describe_orders(const std::vector<MethodWork>& windows) {
+    std::vector<size_t> pixels;
+    for (const MethodWork& work : windows) {
+        pixels.resize(std::max(pixels.size(), work.orders.size()));
+        std::ranges::transform(work.orders, pixels, pixels.begin(), std::plus<>());
+    }
+    double all = 0;
+    double sum = 0;
+    for (size_t order = 0; order < pixels.size(); ++order) {
+        all += static_cast<double>(pixels[order]);
+        sum += static_cast<double>(order * pixels[order]);
+    }
+    return all > 0 ? Json{{"mean", rounded(sum / all)}, {"pixels", pixels}} : Json();
 }
 
 Json describe(const ExposureReport& exposure) {
@@ -49,6 +86,8 @@ Json describe(const ExposureReport& exposure) {
                                     {"width", window.width()},
                                     {"height", window.height()}});
     }
+    entry["refinement"] = describe_refinement(exposure.work);
+    entry["orders"] = describe_orders(exposure.work);
     entry["frames"] = exposure.frames;
     if (exposure.thresholds) {
         entry["thresholds"] = {{"positive", rounded(double{exposure.thresholds->positive})},

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "layers/edi.hpp"
+#include "layers/method.hpp"
 #include "layers/regions.hpp"
 #include "layers/scene_facts.hpp"
 #include "tools/io/file.hpp"
@@ -33,6 +34,7 @@ struct ExposureReport {
     std::string model; ///< empty: nothing moved, the frames are the blurry one
     double active_share = 0;
     std::vector<PixelRect> windows; ///< computed; none: nothing moved
+    std::vector<MethodWork> work;   ///< by window
     size_t frames = 0;
     StageTimes ms;
 };

@@ -207,8 +207,9 @@ std::vector<Sweep> refinement_sweeps() {
     count.values = {0, 1, 2, 3, 4, 6, 8, 12, 16, 20};
     count.quick = {0, 3, 20};
     count.fails = "PSNR over 0.5 dB below the curve's, or a value that is not finite";
-    count.safe = "as many as trained by default; --refine 0 is the curve";
-    count.promises = {{"", 0, 4}};
+    count.safe = "as many as trained by default, and more end where changes no longer fall; "
+                 "--refine 0 is the curve";
+    count.promises = {{"", 0, 20}};
     count.measure = iterations;
     sweeps.push_back(count);
 
@@ -220,9 +221,9 @@ std::vector<Sweep> refinement_sweeps() {
     scale.quick = {0.1, 1, 10};
     scale.fails = "PSNR over 0.5 dB below the curve's, or a value that is not finite";
     scale.safe = "no step exceeds the bound of refine-descent, so frames stay finite with any "
-                 "weights; residuals made anew in each iteration can still lead many of them "
-                 "astray";
-    scale.promises = {{"", 0.1, 1}};
+                 "weights; residuals made anew in each iteration could still lead many of them "
+                 "astray, so beyond the trained ones they end where changes no longer fall";
+    scale.promises = {{"", 0.1, 10}};
     scale.measure = scaled_steps;
     sweeps.push_back(scale);
     return sweeps;

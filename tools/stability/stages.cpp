@@ -149,7 +149,7 @@ StagedFrames StagedEcir::frames(const FrameInput& input, uint32_t width, uint32_
     const Tensor refined = refining.output({count, height, width});
     refinement_.record(refining, refining_inputs({count, height, width, 1, 1}, result.curve),
                        refining_inputs({2 * (count - 1), height, width}, fields.counts), refined,
-                       config_.iterations);
+                       config_.iterations, config_.iterations, 0);
     refining_inputs.run();
     result.refined = crossing(Border::refined, dense(refining, refined));
     return result;
