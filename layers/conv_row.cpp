@@ -169,7 +169,7 @@ void Conv::record_row(Program& program, std::span<const Tensor> inputs, const Te
         }
         dispatch.set_push(push);
         const auto plane = static_cast<uint32_t>(in.plane_stride());
-        const uint32_t block = init ? init->layout().block : 1;
+        const uint32_t block = init ? init->layout().block : desc_.transposed ? 0 : 1;
         const uint32_t groups = desc_.out_channels / slice.together;
         if (desc_.transposed) {
             const std::array<uint32_t, 6> constants{lanes, slice.count, slice.together,

@@ -90,9 +90,10 @@ void FusionMethod::record_corrected_frames(Program& program, const Network& netw
     const Tensor features = network.trunk.record(program, exposure, velocity_channels);
     const FusionHead::Tensors head = network.head.prepare(program, height_, width_);
     const Tensor away = program.temporary(velocity.layout());
+    const Tensor state = cleared(program, prior_state_layout(height_, width_));
     for (uint32_t i = 0; i < frames.layout().channels; ++i) {
         const Tensor instant = instants.channels(i, 1);
-        record_prior_frame(program, input, exposure.base, instant, head.planes);
+        record_prior_frame(program, input, exposure.base, instant, state, head.planes);
         record_trajectory(program, velocity, instant, away);
         record_fusion_fetch(program, exposure.anchors, away, instant, head.planes);
         record_fusion_mix(program, features, instant, head.mixed);
@@ -104,8 +105,9 @@ void FusionMethod::record_prior_frames(Program& program, const PriorInput& input
                                        const PriorExposure& exposure) const {
     const Tensor planes = program.temporary({plane_count, height_, width_});
     const Tensor nothing = cleared(program, {1, height_, width_});
+    const Tensor state = cleared(program, prior_state_layout(height_, width_));
     for (uint32_t i = 0; i < output_.layout().channels; ++i) {
-        record_prior_frame(program, input, exposure.base, instants_.channels(i, 1), planes);
+        record_prior_frame(program, input, exposure.base, instants_.channels(i, 1), state, planes);
         record_add(program, planes.channels(0, 1), nothing, output_.channels(i, 1));
     }
 }

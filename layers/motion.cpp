@@ -1,7 +1,9 @@
 #include "layers/motion.hpp"
 
 #include <array>
+#include <cstddef>
 
+#include "layers/conv.hpp"
 #include "layers/pixel_dispatch.hpp"
 #include "layers/shapes.hpp"
 #include "layers/smooth.hpp"
@@ -19,6 +21,19 @@ struct MomentPush {
     uint32_t rows = 0;
 };
 static_assert(sizeof(MomentPush) == 24);
+
+/// Mirrors the push constants of shaders/motion_moments_row.comp.
+struct MomentRowPush {
+    uint64_t frames_address = 0;
+    uint32_t moments_origin = 0;
+    uint32_t width = 0;
+    uint32_t height = 0;
+    uint32_t columns = 0;
+    uint32_t rows = 0;
+    uint32_t filler = 0;
+    std::array<uint32_t, 8> digit{0, 1, 2, 3, 4, 5, 6, 7};
+};
+static_assert(sizeof(MomentRowPush) == 64);
 
 /// Mirrors the push constants of shaders/motion_slopes.comp.
 struct SlopePush {
@@ -66,6 +81,7 @@ using uint = uint32_t;
 } // namespace shader
 
 constexpr uint32_t kCell = shader::CELL; ///< pixels a side
+constexpr uint32_t kSide = kCell / 2;    ///< samples of half the resolution
 constexpr uint32_t kComponents = 2;
 constexpr uint32_t kMoments = 5;
 constexpr uint32_t kSlopes = 4; ///< channels a sample: X, its gradient, one more
@@ -89,11 +105,29 @@ Dispatch make(Program& program, const char* shader, std::span<const uint32_t> co
 Tensor record_moments(Program& program, const Tensor& frames, const Layout& cells) {
     const Layout& layout = frames.layout();
     const Tensor moments = program.temporary({kMoments * anchor_count, cells.height, cells.width});
-    Dispatch dispatch =
-        make(program, "motion_moments", {}, {read(frames), write(moments)}, sizeof(MomentPush));
-    dispatch.set_push(MomentPush{origin(frames), origin(moments), layout.width, layout.height,
-                                 cells.width, cells.height});
-    dispatch.groups = pixel_groups(cells, anchor_count);
+    const DeviceInfo& info = program.device().info();
+    Dispatch dispatch;
+    if (conv_family(info) == ConvFamily::lane && info.subgroup_size % kSide == 0) {
+        const std::array<uint32_t, 1> constants{info.subgroup_size};
+        dispatch =
+            make(program, "motion_moments_row", constants, {write(moments)}, sizeof(MomentRowPush));
+        dispatch.pointers = {{offsetof(MomentRowPush, frames_address), read(frames), 0}};
+        MomentRowPush push;
+        push.moments_origin = origin(moments);
+        push.width = layout.width;
+        push.height = layout.height;
+        push.columns = cells.width;
+        push.rows = cells.height;
+        dispatch.set_push(push);
+        dispatch.groups = {ceil_div(layout.width, info.subgroup_size), cells.height, anchor_count};
+    } else {
+        dispatch =
+            make(program, "motion_moments", {}, {read(frames), write(moments)}, sizeof(MomentPush));
+        dispatch.set_push(MomentPush{origin(frames), origin(moments), layout.width, layout.height,
+                                     cells.width, cells.height});
+        dispatch.groups = pixel_groups(cells, anchor_count);
+    }
+    dispatch.label = "motion_moments";
     dispatch.flops = 2 * 26 * static_cast<double>(layout.elements());
     program.add(std::move(dispatch));
     return moments;

@@ -25,9 +25,9 @@ struct RowTiles {
     static constexpr uint32_t kMostVectors = 10; ///< more gain nothing
     uint32_t count;
     uint32_t vectors;
-    RowTiles(uint32_t width, uint32_t lanes) {
+    RowTiles(uint32_t width, uint32_t lanes, uint32_t most_vectors = kMostVectors) {
         const uint32_t all = (width + lanes - 1) / lanes;
-        count = (all + kMostVectors - 1) / kMostVectors;
+        count = (all + most_vectors - 1) / most_vectors;
         vectors = (all + count - 1) / count;
     }
 };

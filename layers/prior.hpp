@@ -57,13 +57,19 @@ void record_prior(Program& program, const PriorInput& input, const PriorExposure
 /// Channels of the head's input.
 inline constexpr uint32_t plane_count = anchor_count + 7;
 
+/// Where each pixel is among its events, from one wanted time to the next.
+Layout prior_state_layout(uint32_t height, uint32_t width);
+
 /// Records what the head sees of the prior at a wanted time: the channels 0, 1 and 11 to 15 of
 /// `planes` (shaders/prior_frame.comp).
 /// base     from record_prior()
 /// instant  one channel of instant_layout()
+/// state    of prior_state_layout(), cleared before the first wanted time of an exposure. The order
+/// of
+///          times does not matter to the result; a CPU driver takes the least time where they rise.
 /// planes   plane_count channels, height x width, any layout
 /// Throws as record_prior().
 void record_prior_frame(Program& program, const PriorInput& input, const Tensor& base,
-                        const Tensor& instant, const Tensor& planes);
+                        const Tensor& instant, const Tensor& state, const Tensor& planes);
 
 } // namespace ecir

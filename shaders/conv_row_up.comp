@@ -15,7 +15,7 @@
 // alignment that they need.
 //
 // Layouts: in: by rows, in_address pointing at (-(K / 4), -(K / 4)) of channel 0; out: any of block 1; init:
-//   block INIT, init_address pointing at pixel (0, 0) of channel 0, or zeros and strides 0; weights: per CB
+//   block INIT, init_address pointing at pixel (0, 0) of channel 0; weights: per CB
 //   output channels the bias [CB], then [i][ky][kx][CB].
 // Bindings: 0 out; everything else by address.
 // Preconditions: `in` and `init` readable (any content) up to 2 LX pixels past what they hold;
@@ -33,7 +33,7 @@ layout(constant_id = 1) const int C = 32;
 layout(constant_id = 2) const int CB = 8; // 4 or 8
 layout(constant_id = 3) const int K = 3;
 layout(constant_id = 4) const int PLANE = 144; // elements from a channel of `in` to the next
-layout(constant_id = 5) const int INIT = 1;
+layout(constant_id = 5) const int INIT = 1; // 0: nothing to start from
 
 const int SIDE = (K + 1) / 2; // inputs that meet an output, along an axis, over all phases
 
@@ -106,11 +106,14 @@ void main() {
     [[unroll]] for (int c = 0; c < CB; ++c) {
         const float bias = weight.v[c / 4][c % 4];
         const uint channel = group * CB + c;
-        const uint at = channel / INIT * init_plane + channel % INIT + start;
+        const uint at = channel / max(INIT, 1) * init_plane + channel % max(INIT, 1) + start;
         [[unroll]] for (int phase = 0; phase < 4; ++phase) {
-            const float first = load_lanes(
-                init_address, at + phase / 2 * start_next + phase % 2 * init_pixel, 2 * INIT);
-            sum[phase * CB + c] = max(sum[phase * CB + c] + first + bias, least);
+            float first = bias;
+            if (INIT != 0) {
+                first += load_lanes(
+                    init_address, at + phase / 2 * start_next + phase % 2 * init_pixel, 2 * INIT);
+            }
+            sum[phase * CB + c] = max(sum[phase * CB + c] + first, least);
         }
     }
     [[unroll]] for (int c = 0; c < CB; ++c) {

@@ -24,12 +24,11 @@ void add_piece(inout Integral integral, ivec2 state, float span) {
     if (span <= 0) {
         return;
     }
-    float rise = exponent(state - integral.peak);
-    if (integral.empty || rise > 0) {
-        integral.sum *= integral.empty ? 0 : exp(-rise);
-        integral.peak = state;
-        integral.empty = false;
-        rise = 0;
-    }
-    integral.sum += exp(rise) * span;
+    const float rise = exponent(state - integral.peak);
+    const bool higher = integral.empty || rise > 0;
+    const float smaller = exp(-abs(rise)); // once: lavapipe runs both sides of a branch
+    integral.sum = higher ? (integral.empty ? 0 : integral.sum * smaller) + span
+                          : integral.sum + smaller * span;
+    integral.peak = higher ? state : integral.peak;
+    integral.empty = false;
 }

@@ -6,6 +6,7 @@
 #include "layers/deblur.hpp"
 #include "layers/ecir.hpp"
 #include "layers/fusion.hpp"
+#include "layers/model_family.hpp"
 #include "layers/operations.hpp"
 
 namespace {
@@ -70,7 +71,11 @@ TEST_SUITE("operations") {
             }
         }
         Convolutions run;
-        add_network(run, FusionMethod(device, SafeTensors(find_model("fusion")), kHeight, kWidth));
+        const ModelFamily family = ModelFamily::shipped();
+        for (const ModelFamily::Member& member : family.members()) {
+            const SafeTensors weights(find_model(member.model));
+            add_network(run, FusionMethod(device, weights, kHeight, kWidth));
+        }
         add_network(run, EcirMethod(device, SafeTensors(find_model("ecir")), kHeight, kWidth, {}));
         for (const auto& [label, flops] : run) {
             INFO(label, " of ", flops, " operations, but layers/reference has no such case");

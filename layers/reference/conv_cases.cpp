@@ -1,11 +1,14 @@
 #include "layers/reference/conv_cases.hpp"
 
+#include <algorithm>
 #include <array>
+#include <ranges>
 #include <string>
 
 #include "layers/deblur.hpp"
 #include "layers/ecir.hpp"
 #include "layers/fusion.hpp"
+#include "layers/model_family.hpp"
 
 namespace ecir {
 namespace {
@@ -14,13 +17,15 @@ constexpr uint32_t kHeight = 180;
 constexpr uint32_t kWidth = 240;
 
 /// Collects convolutions at sizes divided by 1, 2, 4, ...: that of the input, or of the output of a
-/// transposed one.
+/// transposed one. Each once.
 class Collector {
 public:
     void add(uint32_t divisor, ConvCase conv) {
         conv.height = (kHeight + divisor - 1) / divisor;
         conv.width = (kWidth + divisor - 1) / divisor;
-        convs_.push_back(std::move(conv));
+        if (std::ranges::find(convs_, conv) == convs_.end()) {
+            convs_.push_back(std::move(conv));
+        }
     }
     void plain(uint32_t divisor, uint32_t channels) {
         add(divisor, {.inputs = {channels}, .out = channels, .residual = true});
@@ -45,8 +50,7 @@ private:
     std::vector<ConvCase> convs_;
 };
 
-void collect_fusion(Collector& add) {
-    const FusionWidths widths{SafeTensors(find_model("fusion"))};
+void collect_fusion(Collector& add, const FusionWidths& widths) {
     const auto [a, b, c, d] = widths.trunk;
     add.add(1, {.stride = 2, .inputs = {anchor_count, anchor_count}, .out = a, .planar = 2});
     add.down(2, a, b, 3);
@@ -146,7 +150,10 @@ const std::vector<ConvCase>& small_row_convs() {
 
 std::vector<ConvCase> network_row_convs() {
     Collector collector;
-    collect_fusion(collector);
+    const ModelFamily family = ModelFamily::shipped();
+    for (const ModelFamily::Member& member : std::views::reverse(family.members())) {
+        collect_fusion(collector, FusionWidths(SafeTensors(find_model(member.model))));
+    }
     return collector.convs();
 }
 

@@ -17,6 +17,8 @@ struct ConvCase {
     bool relu = true;
     bool residual = false;
     uint32_t planar = 0; ///< so many of the inputs, the first ones, have block 1
+
+    bool operator==(const ConvCase&) const = default;
 };
 
 /// Small: every kernel, stride and number of inputs, channels that fill blocks and that do not, odd
@@ -28,7 +30,8 @@ const std::vector<ConvCase>& small_convs();
 const std::vector<ConvCase>& small_row_convs();
 
 /// Those of the shipped networks at 240x180, each shape once, with the widths of the weights files:
-/// of `fusion`, which are of the row family, and of `ecir`. They throw Error(bad_input) where a
+/// of the fusion networks of all sizes, the largest first, which are of the row family, and of
+/// `ecir`. They throw Error(bad_input) where a
 /// file is missing.
 std::vector<ConvCase> network_row_convs();
 std::vector<ConvCase> network_convs();

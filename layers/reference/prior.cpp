@@ -302,8 +302,13 @@ Trial prior_frame_trial(Device& device, uint32_t trial) {
         program.output({plane_count, shape.height, shape.width, shape.block, shape.halo});
     program.clear(result.output);
     result.first_step = program.steps();
-    record_prior_frame(program, inputs.tensors, exposure.base, instants.channels(1, 1),
-                       result.output);
+    const Tensor state = program.temporary(prior_state_layout(shape.height, shape.width));
+    program.clear(state);
+    // There and back: the first of the two frames leaves a state behind.
+    for (const uint32_t i : {0U, 1U}) {
+        record_prior_frame(program, inputs.tensors, exposure.base, instants.channels(i, 1), state,
+                           result.output);
+    }
     program.finish();
     inputs.write(program);
     const std::vector<Instant> both = {Instant(0.5), Instant(time)};
