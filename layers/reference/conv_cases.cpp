@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <ranges>
 #include <string>
 
 #include "layers/deblur.hpp"
@@ -150,8 +149,9 @@ const std::vector<ConvCase>& small_row_convs() {
 
 std::vector<ConvCase> network_row_convs() {
     Collector collector;
-    const ModelFamily family = ModelFamily::shipped();
-    for (const ModelFamily::Member& member : std::views::reverse(family.members())) {
+    std::vector<ModelFamily::Member> members = ModelFamily::shipped().members();
+    std::ranges::reverse(members);
+    for (const ModelFamily::Member& member : members) {
         collect_fusion(collector, FusionWidths(SafeTensors(find_model(member.model))));
     }
     return collector.convs();
