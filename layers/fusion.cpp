@@ -69,10 +69,10 @@ void FusionMethod::record(Program& program, uint32_t frames, uint32_t capacity) 
         record_prior_frames(program, recorded.input, exposure);
         return;
     }
-    recorded.velocity = program.temporary(motion_layout(height_, width_));
+    recorded.moved = program.temporary(motion_layout(height_, width_));
     recorded.velocity_channels =
         cleared(program, trunk.velocity_layout(device_->info(), height_, width_));
-    record_motion(program, exposure.logarithms, recorded.velocity, recorded.velocity_channels);
+    record_motion(program, exposure.logarithms, recorded.moved, recorded.velocity_channels);
     if (coarse) {
         const Tensor sharp = cleared(program, images);
         record_corrected_frames(program, *networks_->coarse, recorded,
@@ -86,15 +86,15 @@ void FusionMethod::record(Program& program, uint32_t frames, uint32_t capacity) 
 void FusionMethod::record_corrected_frames(Program& program, const Network& network,
                                            const Recorded& recorded, const Tensor& instants,
                                            const Tensor& frames) const {
-    const auto& [input, exposure, velocity, velocity_channels] = recorded;
+    const auto& [input, exposure, moved, velocity_channels] = recorded;
     const Tensor features = network.trunk.record(program, exposure, velocity_channels);
     const FusionHead::Tensors head = network.head.prepare(program, height_, width_);
-    const Tensor away = program.temporary(velocity.layout());
+    const Tensor away = program.temporary(away_layout(height_, width_));
     const Tensor state = cleared(program, prior_state_layout(height_, width_));
     for (uint32_t i = 0; i < frames.layout().channels; ++i) {
         const Tensor instant = instants.channels(i, 1);
         record_prior_frame(program, input, exposure.base, instant, state, head.planes);
-        record_trajectory(program, velocity, instant, away);
+        record_trajectory(program, moved, instant, away);
         record_fusion_fetch(program, exposure.anchors, away, instant, head.planes);
         record_fusion_mix(program, features, instant, head.mixed);
         network.head.record(program, head, frames.channels(i, 1));

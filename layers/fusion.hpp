@@ -39,7 +39,7 @@ private:
     struct Recorded {
         PriorInput input;
         PriorExposure exposure;
-        Tensor velocity;          ///< motion_layout()
+        Tensor moved;             ///< motion_layout()
         Tensor velocity_channels; ///< velocity_layout()
     };
     static std::shared_ptr<const Networks> load(Device& device, const SafeTensors& weights);

@@ -100,7 +100,7 @@ void record_fusion_fetch(Program& program, const Tensor& anchors, const Tensor& 
                          const Tensor& instant, const Tensor& planes) {
     const Layout& layout = planes.layout();
     const Layout& cells = away.layout();
-    const Layout wanted = motion_layout(layout.height, layout.width);
+    const Layout wanted = away_layout(layout.height, layout.width);
     require_shapes(has_shape(away, wanted.channels, wanted.height, wanted.width) &&
                        cells.block == wanted.block && is_dense(away) && is_instant(instant) &&
                        layout.channels == plane_count && anchors.layout().block == 1 &&

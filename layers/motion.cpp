@@ -69,11 +69,10 @@ static_assert(sizeof(SolvePush) == 16);
 struct VelocityPush {
     PushLayout channels;
     uint32_t moved_origin = 0;
-    uint32_t velocity_origin = 0;
     uint32_t columns = 0;
     uint32_t rows = 0;
 };
-static_assert(sizeof(VelocityPush) == 32);
+static_assert(sizeof(VelocityPush) == 28);
 
 namespace shader {
 using uint = uint32_t;
@@ -101,10 +100,10 @@ Dispatch make(Program& program, const char* shader, std::span<const uint32_t> co
     return dispatch;
 }
 
-/// Moments around the anchors, of the layout `cells` has for each.
+/// Moments of the windows of each gap, of the layout `cells` has for each.
 Tensor record_moments(Program& program, const Tensor& frames, const Layout& cells) {
     const Layout& layout = frames.layout();
-    const Tensor moments = program.temporary({kMoments * anchor_count, cells.height, cells.width});
+    const Tensor moments = program.temporary({kMoments * kGaps, cells.height, cells.width});
     const DeviceInfo& info = program.device().info();
     Dispatch dispatch;
     if (conv_family(info) == ConvFamily::lane && info.subgroup_size % kSide == 0) {
@@ -119,13 +118,13 @@ Tensor record_moments(Program& program, const Tensor& frames, const Layout& cell
         push.columns = cells.width;
         push.rows = cells.height;
         dispatch.set_push(push);
-        dispatch.groups = {ceil_div(layout.width, info.subgroup_size), cells.height, anchor_count};
+        dispatch.groups = {ceil_div(layout.width, info.subgroup_size), cells.height, kGaps};
     } else {
         dispatch =
             make(program, "motion_moments", {}, {read(frames), write(moments)}, sizeof(MomentPush));
         dispatch.set_push(MomentPush{origin(frames), origin(moments), layout.width, layout.height,
                                      cells.width, cells.height});
-        dispatch.groups = pixel_groups(cells, anchor_count);
+        dispatch.groups = pixel_groups(cells, kGaps);
     }
     dispatch.label = "motion_moments";
     dispatch.flops = 2 * 26 * static_cast<double>(layout.elements());
@@ -176,30 +175,34 @@ void record_solve(Program& program, const Tensor& moments, const Tensor& moved, 
 
 } // namespace
 
+Layout away_layout(uint32_t height, uint32_t width) {
+    Layout layout = motion_layout(height, width);
+    layout.channels = kComponents * anchor_count;
+    return layout;
+}
+
 Layout motion_layout(uint32_t height, uint32_t width) {
-    return {kComponents * anchor_count, (height + kCell - 1) / kCell, (width + kCell - 1) / kCell,
+    return {kComponents * kGaps, (height + kCell - 1) / kCell, (width + kCell - 1) / kCell,
             kComponents};
 }
 
-void record_motion(Program& program, const Tensor& logarithms, const Tensor& velocity,
+void record_motion(Program& program, const Tensor& logarithms, const Tensor& moved,
                    const Tensor& channels) {
     const Layout& frames = logarithms.layout();
     const Layout cells = motion_layout(2 * frames.height, 2 * frames.width);
-    const Layout& field = velocity.layout();
+    const Layout& field = moved.layout();
     require_shapes(frames.channels == prior_windows + 1 && frames.block == 1 &&
                        is_dense(logarithms) &&
-                       has_shape(velocity, cells.channels, cells.height, cells.width) &&
-                       field.block == cells.block && is_dense(velocity) &&
-                       has_shape(channels, cells.channels, cells.height, cells.width),
-                   "motion", {logarithms, velocity, channels});
+                       has_shape(moved, cells.channels, cells.height, cells.width) &&
+                       field.block == cells.block && is_dense(moved) &&
+                       has_shape(channels, kComponents * anchor_count, cells.height, cells.width),
+                   "motion", {logarithms, moved, channels});
     const Tensor smooth =
         record_smooth(program, {.weights = {0.5F, 0.25F}, .reach = 1}, logarithms);
     const Tensor slopes = record_slopes(program, smooth);
     const SmoothDesc binomial{.weights = {0.375F, 0.25F, 0.0625F}, .reach = 2, .zero = true};
     SmoothDesc wide = binomial;
     wide.step = 2;
-    const Tensor moved =
-        program.temporary({kComponents * kGaps, cells.height, cells.width, kComponents});
     const Tensor moments = record_moments(program, smooth, cells);
     record_solve(program, record_smooth(program, wide, record_smooth(program, binomial, moments)),
                  moved, true);
@@ -209,10 +212,9 @@ void record_motion(Program& program, const Tensor& logarithms, const Tensor& vel
     }
 
     Dispatch dispatch =
-        make(program, "motion_velocity", {}, {read(moved), write(velocity), update(channels)},
-             sizeof(VelocityPush));
-    dispatch.set_push(VelocityPush{PushLayout(channels), origin(moved, kComponents),
-                                   origin(velocity, kComponents), cells.width, cells.height});
+        make(program, "motion_velocity", {}, {read(moved), update(channels)}, sizeof(VelocityPush));
+    dispatch.set_push(
+        VelocityPush{PushLayout(channels), origin(moved, kComponents), cells.width, cells.height});
     dispatch.groups = pixel_groups(cells, anchor_count);
     program.add(std::move(dispatch));
 }

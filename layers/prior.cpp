@@ -64,7 +64,7 @@ namespace shader {
 using uint = uint32_t;
 #include "shaders/fusion_constants.glsl"
 static_assert(ANCHORS == anchor_count && GAPS == anchor_count - 1);
-static_assert(WINDOWS == prior_windows && WINDOWS == GAPS * WINDOWS_AN_ANCHOR);
+static_assert(WINDOWS == prior_windows && WINDOWS == GAPS * WINDOWS_A_GAP);
 static_assert(offsetof(Instant, time) == size_t{4} * INSTANT_TIME &&
               offsetof(Instant, place) == size_t{4} * INSTANT_PLACE &&
               offsetof(Instant, below) == size_t{4} * INSTANT_BELOW &&

@@ -4,7 +4,7 @@
 const uint ANCHORS = 9;           // frames of the prior, evenly over the exposure
 const uint GAPS = 8;              // between neighbouring anchors
 const uint WINDOWS = 32;          // of the motion, evenly over the exposure
-const uint WINDOWS_AN_ANCHOR = 4; // from an anchor to the next
+const uint WINDOWS_A_GAP = 4;     // from an anchor to the next
 const uint CELL = 8;              // pixels a side of a cell of the motion
 const float GAP = 2.0 / float(GAPS); // normalised time from an anchor to the next
 

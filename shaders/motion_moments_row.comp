@@ -1,11 +1,11 @@
 #version 460
 // shaders/motion_moments.comp for drivers that run on a CPU (lavapipe): the same moments, a lane a pixel with
 // vector loads (shaders/lane_load.glsl), each cell's columns added up by shuffles at the end.
-// On Mesa 22.3.6 the nine anchors of 120x90 take 1.1 ms on one core, 6.0 there.
+// On Mesa 22.3.6 the gaps of 120x90 take 1.1 ms on one core, 6.0 there.
 //
 // Bindings: 0 moments; frames by address.
 // Preconditions: LX a multiple of 4; frames readable (any content) up to LX elements past their end;
-//   gl_WorkGroupID below 4096. Workgroup: LX / 4 cells of a row of them, at one anchor.
+//   gl_WorkGroupID below 4096. Workgroup: LX / 4 cells of a row of them, of one gap.
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_buffer_reference : require
 #extension GL_EXT_scalar_block_layout : require
@@ -34,8 +34,6 @@ layout(push_constant, scalar) uniform Push {
 #include "lane_load.glsl"
 #include "uniform_id.glsl"
 
-const int REACH = int(WINDOWS_AN_ANCHOR);
-
 float over_cell(float value) {
     value += subgroupShuffleXor(value, 1);
     return value + subgroupShuffleXor(value, 2);
@@ -45,10 +43,8 @@ void main() {
     const uint lane = gl_SubgroupInvocationID;
     const uint x = uniform_id(gl_WorkGroupID.x) * LX;
     const uint row = uniform_id(gl_WorkGroupID.y);
-    const uint anchor = uniform_id(gl_WorkGroupID.z);
+    const uint gap = uniform_id(gl_WorkGroupID.z);
     const uint plane = width * height;
-    const int begin = (int(anchor) - 1) * REACH; // window, before the first one at the first anchor
-    const float windows = anchor == 0 || anchor == GAPS ? REACH : 2 * REACH;
     Source source = Source(frames_address);
 
     Moments moments = Moments(vec3(0), vec2(0));
@@ -57,8 +53,8 @@ void main() {
         const float counts = SIDE * row + r < height ? 1 : 0;
         float early = 0;
         vec2 early_slope = vec2(0);
-        [[unroll]] for (int k = 0; k <= 2 * REACH; ++k) {
-            const uint at = uint(clamp(begin + k, 0, int(WINDOWS))) * plane + y * width + x;
+        [[unroll]] for (uint k = 0; k <= WINDOWS_A_GAP; ++k) {
+            const uint at = (gap * WINDOWS_A_GAP + k) * plane + y * width + x;
             const float late = load_row(frames_address + uint64_t(at) * 4ul);
             const float above = load_row(frames_address + uint64_t(at - (y > 0 ? width : 0)) * 4ul);
             const float below = load_row(frames_address + uint64_t(at + (y + 1 < height ? width : 0)) * 4ul);
@@ -70,10 +66,8 @@ void main() {
             const float right = lane + 1 < LX ? within_right : after;
             const vec2 late_slope = vec2((x + lane + 1 < width ? right : late) - left, below - above);
             if (k > 0) {
-                const bool there = begin + k > 0 && begin + k <= int(WINDOWS);
-                const float share = 1 - abs(float(k - REACH) - 0.5) / float(REACH);
                 add_equation(moments, 0.125 * (early_slope + late_slope), late - early,
-                             there ? counts * share * 2 / windows : 0);
+                             counts / float(WINDOWS_A_GAP));
             }
             early = late;
             early_slope = late_slope;
@@ -82,9 +76,9 @@ void main() {
     const bool inside = x + lane < width;
     const float share = 1.0 / float(SIDE * SIDE);
     const float sums[5] = float[](moments.gg.x, moments.gg.y, moments.gg.z, moments.gd.x, moments.gd.y);
-    const uint step = ANCHORS * rows * columns;
+    const uint step = GAPS * rows * columns;
     const uint column = (x + lane) / SIDE;
-    const uint target = moments_origin + (anchor * rows + row) * columns + column;
+    const uint target = moments_origin + (gap * rows + row) * columns + column;
     const bool mine = lane % SIDE == 0 && column < columns;
     [[unroll]] for (int m = 0; m < 5; ++m) {
         const float sum = share * over_cell(inside ? sums[m] : 0);

@@ -33,7 +33,7 @@ void main() {
     }
     const uint plane = width * height;
     const uint at = y * width + x;
-    const uint here = frames_origin + WINDOWS_AN_ANCHOR * anchor * plane + at;
+    const uint here = frames_origin + WINDOWS_A_GAP * anchor * plane + at;
     const vec2 slope = vec2(frames[here + (x + 1 < width ? 1 : 0)] - frames[here - min(x, 1)],
                             frames[here + (y + 1 < height ? width : 0)] -
                                 frames[here - (y > 0 ? width : 0)]);

@@ -3,11 +3,10 @@
 
 // Displacements d over the gaps between neighbouring anchors, in pixels, from smoothed moments q and
 // their least-squares solution s (motion_steps.glsl):
-//     FIRST = 1: q at the anchors, a window's displacement; v(a) = 16 s(q(a), 2e-6) cut at +-160
-//                pixels a unit of time, d(i) = (v(i) + v(i + 1)) / 8
-//     FIRST = 0: q at the gaps, what remains; d(i) += s(q(i), 2e-5) cut at +-2
+//     FIRST = 1: q of the displacements in a gap's 4 windows, d(i) = 4 s(q(i), 2e-6) cut at +-40
+//     FIRST = 0: q of what remains over the gap, d(i) += s(q(i), 1e-3) cut at +-2
 //
-// moments     [5][FIRST = 1: 9, else 8][rows][columns]
+// moments     [5][8][rows][columns]
 // moved       [8][rows][columns] vec2: d, origin in vec2
 // Bindings: 0 moments, 1 moved.
 // Precondition: columns <= 64 x groups.x, rows = groups.y, 8 = groups.z.
@@ -28,19 +27,16 @@ layout(push_constant) uniform Push {
 #include "fusion_constants.glsl"
 #include "motion_steps.glsl"
 
-const float WINDOWS_A_UNIT = 16; // of time
-const float RIDGE = 2e-6;        // added to the mean squared gradients
-const float FASTEST = 160;
-const float ROUND_RIDGE = 2e-5;
+const float RIDGE = 2e-6; // added to the mean squared gradients
+const float FASTEST = 40;
+// Large: between two anchors what does not move, the prior's error of the pixels that lack events, weighs
+// as much as what does.
+const float ROUND_RIDGE = 1e-3;
 const float ROUND_LIMIT = 2;
 
 Moments moments_at(uint at, uint step) {
     return Moments(vec3(planes[at], planes[at + step], planes[at + 2 * step]),
                    vec2(planes[at + 3 * step], planes[at + 4 * step]));
-}
-
-vec2 velocity(uint at, uint step) {
-    return clamp(WINDOWS_A_UNIT * solve(moments_at(at, step), RIDGE), -FASTEST, FASTEST);
 }
 
 void main() {
@@ -52,13 +48,12 @@ void main() {
     }
     const uint plane = rows * columns;
     const uint cell = gap * plane + y * columns + x;
-    const uint at = moments_origin + cell;
+    const Moments moments = moments_at(moments_origin + cell, GAPS * plane);
     if (FIRST != 0) {
-        const uint step = (gl_NumWorkGroups.z + 1) * plane;
         moved[moved_origin + cell] =
-            0.5 * GAP * (velocity(at, step) + velocity(at + plane, step));
+            clamp(float(WINDOWS_A_GAP) * solve(moments, RIDGE), -FASTEST, FASTEST);
     } else {
-        const vec2 rest = solve(moments_at(at, gl_NumWorkGroups.z * plane), ROUND_RIDGE);
-        moved[moved_origin + cell] += clamp(rest, -ROUND_LIMIT, ROUND_LIMIT);
+        moved[moved_origin + cell] +=
+            clamp(solve(moments, ROUND_RIDGE), -ROUND_LIMIT, ROUND_LIMIT);
     }
 }

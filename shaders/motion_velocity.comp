@@ -7,22 +7,19 @@
 //     velocity(a) = 4 (mean of d(a - 1) and d(a), one of them at the ends), pixels a unit of time
 //     channels(2 a + i) = velocity(a)(i) / 20, for the trunk
 //
-// moved       [8][rows][columns] vec2: d
-// velocity    [9][rows][columns] vec2; origins of both in vec2
+// moved       [8][rows][columns] vec2: d; origin in vec2
 // channels    18 channels, any layout
-// Bindings: 0 moved, 1 velocity, 2 channels.
+// Bindings: 0 moved, 1 channels.
 // Precondition: columns <= 64 x groups.x, rows = groups.y, 9 = groups.z.
 // Tile: one cell of one anchor an invocation.
 layout(local_size_x = 64) in;
 
 layout(std430, binding = 0) readonly buffer Moved { vec2 moved[]; };
-layout(std430, binding = 1) writeonly buffer Velocity { vec2 velocity[]; };
-layout(std430, binding = 2) writeonly buffer Channels { float channels[]; };
+layout(std430, binding = 1) writeonly buffer Channels { float channels[]; };
 
 layout(push_constant) uniform Push {
     TensorLayout channels_layout;
     uint moved_origin;
-    uint velocity_origin;
     uint columns;
     uint rows;
 };
@@ -41,7 +38,6 @@ void main() {
     const vec2 before = moved[moved_origin + (max(anchor, 1) - 1) * plane + cell];
     const vec2 after = moved[moved_origin + min(anchor, GAPS - 1) * plane + cell];
     const vec2 mean = (0.5 / GAP) * (before + after);
-    velocity[velocity_origin + anchor * plane + cell] = mean;
     channels[element(channels_layout, 2 * anchor, y, x)] = SCALE * mean.x;
     channels[element(channels_layout, 2 * anchor + 1, y, x)] = SCALE * mean.y;
 }

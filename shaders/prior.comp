@@ -182,8 +182,8 @@ void main() {
     }
     for (uint anchor = 0; anchor < ANCHORS; ++anchor) {
         vec4 values;
-        const uint last = anchor * WINDOWS_AN_ANCHOR;
-        for (uint k = anchor == 0 ? 0 : last - WINDOWS_AN_ANCHOR + 1; k <= last; ++k) {
+        const uint last = anchor * WINDOWS_A_GAP;
+        for (uint k = anchor == 0 ? 0 : last - WINDOWS_A_GAP + 1; k <= last; ++k) {
             const float time = float(k) * (2.0 / float(WINDOWS)) - 1;
             go_on(walks, time);
             values = vec4(prior_at(walks, 0, time), prior_at(walks, 1, time), prior_at(walks, 2, time),

@@ -10,10 +10,10 @@ namespace {
 
 constexpr size_t side = 4; ///< samples of a cell
 constexpr size_t gaps = anchor_count - 1;
-constexpr double gap = 0.25;
+constexpr size_t windows = prior_windows / gaps; ///< of a gap
 constexpr double ridge = 2e-6;
-constexpr double fastest = 160;
-constexpr double round_ridge = 2e-5;
+constexpr double fastest = 40;
+constexpr double round_ridge = 1e-3;
 constexpr double round_limit = 2;
 
 /// One image.
@@ -121,26 +121,17 @@ struct Moments {
     }
 };
 
-/// Lucas and Kanade around an anchor.
-Moments anchor_moments(const std::vector<Slopes>& frames, size_t anchor, size_t rows,
-                       size_t columns) {
-    std::vector<double> weights(prior_windows);
-    double total = 0;
-    for (size_t k = 0; k < weights.size(); ++k) {
-        const double distance =
-            std::abs(static_cast<double>(k) + 0.5 - 4 * static_cast<double>(anchor));
-        weights[k] = std::max(0.0, 1 - distance / 4);
-        total += weights[k];
-    }
+/// Lucas and Kanade in the windows of a gap.
+Moments window_moments(const std::vector<Slopes>& frames, size_t gap, size_t rows, size_t columns) {
     Moments moments(rows, columns);
-    for (size_t k = 0; k < weights.size(); ++k) {
+    for (size_t k = windows * gap; k < windows * (gap + 1); ++k) {
         const Slopes& early = frames[k];
         const Slopes& late = frames[k + 1];
-        for (size_t i = 0; i < early.x.values.size() && weights[k] > 0; ++i) {
+        for (size_t i = 0; i < early.x.values.size(); ++i) {
             moments.add(i / early.x.width, i % early.x.width,
                         (early.gx.values[i] + late.gx.values[i]) / 2,
                         (early.gy.values[i] + late.gy.values[i]) / 2,
-                        late.x.values[i] - early.x.values[i], weights[k] / total);
+                        late.x.values[i] - early.x.values[i], 1.0 / windows);
         }
     }
     moments.filter(1);
@@ -190,17 +181,13 @@ std::vector<double> motion(std::span<const float> logarithms, uint32_t height, u
     const size_t columns = (width + side - 1) / side;
     const size_t cells = rows * columns;
     std::vector<Plane> moved(2 * gaps, Plane(rows, columns)); // x and y by gap
-    for (size_t a = 0; a < anchor_count; ++a) {
-        const Moments moments = anchor_moments(frames, a, rows, columns);
+    for (size_t g = 0; g < gaps; ++g) {
+        const Moments moments = window_moments(frames, g, rows, columns);
         for (size_t cell = 0; cell < cells; ++cell) {
             const auto window = moments.solve(cell, ridge);
             for (size_t i = 0; i < 2; ++i) {
-                const double v = std::clamp(16 * window.at(i), -fastest, fastest);
-                for (const size_t g : {a - 1, a}) { // wraps at the first anchor
-                    if (g < gaps) {
-                        moved[2 * g + i].values[cell] += gap * v / 2;
-                    }
-                }
+                moved[2 * g + i].values[cell] =
+                    std::clamp(double{windows} * window.at(i), -fastest, fastest);
             }
         }
     }
@@ -208,7 +195,8 @@ std::vector<double> motion(std::span<const float> logarithms, uint32_t height, u
         Plane& dx = moved[2 * g];
         Plane& dy = moved[2 * g + 1];
         for (uint32_t round = 0; round < motion_rounds; ++round) {
-            const Moments rest = gap_moments(frames[4 * g], frames[4 * g + 4], dx, dy);
+            const Moments rest =
+                gap_moments(frames[windows * g], frames[windows * (g + 1)], dx, dy);
             for (size_t cell = 0; cell < cells; ++cell) {
                 const auto more = rest.solve(cell, round_ridge);
                 dx.values[cell] += std::clamp(more[0], -round_limit, round_limit);
@@ -216,13 +204,22 @@ std::vector<double> motion(std::span<const float> logarithms, uint32_t height, u
             }
         }
     }
+    std::vector<double> dense;
+    for (const Plane& part : moved) {
+        dense.insert(dense.end(), part.values.begin(), part.values.end());
+    }
+    return dense;
+}
+
+std::vector<double> anchor_velocity(std::span<const double> moved) {
+    const size_t cells = moved.size() / (2 * gaps);
     std::vector<double> velocity;
     for (size_t channel = 0; channel < 2 * size_t{anchor_count}; ++channel) {
         const size_t a = channel / 2;
-        const Plane& before = moved[2 * (std::max<size_t>(a, 1) - 1) + channel % 2];
-        const Plane& after = moved[2 * std::min(a, gaps - 1) + channel % 2];
+        const auto before = moved.subspan((2 * (std::max<size_t>(a, 1) - 1) + channel % 2) * cells);
+        const auto after = moved.subspan((2 * std::min(a, gaps - 1) + channel % 2) * cells);
         for (size_t cell = 0; cell < cells; ++cell) {
-            velocity.push_back((before.values[cell] + after.values[cell]) / 2 / gap);
+            velocity.push_back(2 * (before[cell] + after[cell]));
         }
     }
     return velocity;
@@ -282,7 +279,7 @@ Trial make_trial(Device& device, const Case& shape, CaseRandom random, double le
         }
     }
     const Layout field = motion_layout(shape.height, shape.width);
-    const Layout channels{field.channels, field.height, field.width, 8, 1};
+    const Layout channels{2 * anchor_count, field.height, field.width, 8, 1};
 
     Trial result;
     result.shape = std::to_string(shape.width) + "x" + std::to_string(shape.height) + ", " +
@@ -295,16 +292,19 @@ Trial make_trial(Device& device, const Case& shape, CaseRandom random, double le
         program.clear(tensor);
         return tensor;
     };
-    const Tensor velocity = make(field, !shape.channels);
-    const Tensor copy = make(channels, shape.channels);
-    result.output = shape.channels ? copy : velocity;
+    const Tensor moved = make(field, !shape.channels);
+    const Tensor velocity = make(channels, shape.channels);
+    result.output = shape.channels ? velocity : moved;
     result.first_step = program.steps();
-    record_motion(program, input, velocity, copy);
+    record_motion(program, input, moved, velocity);
     program.finish();
     program.write(input, logarithms);
     result.reference = reference::motion(logarithms, height, width);
-    for (double& value : result.reference) {
-        value *= shape.channels ? 0.05 : 1;
+    if (shape.channels) {
+        result.reference = reference::anchor_velocity(result.reference);
+        for (double& value : result.reference) {
+            value *= 0.05;
+        }
     }
     return result;
 }

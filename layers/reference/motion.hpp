@@ -8,9 +8,12 @@
 
 namespace ecir::reference {
 
-/// What record_motion() computes, in double precision: velocities, [2 anchor_count][rows][columns].
-/// logarithms: [prior_windows + 1][height][width].
+/// What record_motion() computes, in double precision: displacements over the gaps,
+/// [2 (anchor_count - 1)][rows][columns]. logarithms: [prior_windows + 1][height][width].
 std::vector<double> motion(std::span<const float> logarithms, uint32_t height, uint32_t width);
+
+/// The velocity at the anchors, [2 anchor_count][rows][columns], from motion()'s result.
+std::vector<double> anchor_velocity(std::span<const double> moved);
 
 } // namespace ecir::reference
 

@@ -13,7 +13,6 @@ namespace ecir::reference {
 namespace {
 
 constexpr double cell = 8; ///< pixels a side
-constexpr double gap = 0.25;
 
 /// Bilinear value of an image, samples at whole coordinates, the border's value outside.
 double bilinear(std::span<const float> image, uint32_t height, uint32_t width, double y, double x) {
@@ -32,51 +31,50 @@ double bilinear(std::span<const float> image, uint32_t height, uint32_t width, d
 
 } // namespace
 
-std::vector<double> trajectory(std::span<const float> velocity, double time, uint32_t rows,
+std::vector<double> trajectory(std::span<const float> moved, double time, uint32_t rows,
                                uint32_t columns) {
+    using Vector = std::array<double, 2>; // x, y
     const size_t plane = size_t{rows} * columns;
-    const double place = (time + 1) / gap;
-    const int below = std::min(static_cast<int>(place), static_cast<int>(anchor_count) - 2);
-    const auto channel = [&](int anchor, size_t i) {
-        return velocity.subspan((2 * static_cast<size_t>(anchor) + i) * plane, plane);
+    constexpr size_t gaps = anchor_count - 1;
+    const double place = (time + 1) * gaps / 2;
+    const size_t below = std::min(static_cast<size_t>(place), gaps - 1);
+    const double share = place - static_cast<double>(below);
+    const auto plus = [](const Vector& a, double factor, const Vector& b) {
+        return Vector{a[0] + factor * b[0], a[1] + factor * b[1]};
     };
     /// At a position in pixels.
-    const auto speed_at = [&](int anchor, std::array<double, 2> p) {
-        std::array<double, 2> speed{};
+    const auto moved_at = [&](size_t gap, const Vector& p) {
+        Vector found{};
         for (size_t i = 0; i < 2; ++i) {
-            speed.at(i) = bilinear(channel(anchor, i), rows, columns, (p[1] + 0.5) / cell - 0.5,
-                                   (p[0] + 0.5) / cell - 0.5);
+            found.at(i) = bilinear(moved.subspan((2 * gap + i) * plane, plane), rows, columns,
+                                   (p[1] + 0.5) / cell - 0.5, (p[0] + 0.5) / cell - 0.5);
         }
-        return speed;
+        return found;
     };
-    std::vector<double> away(velocity.size());
+    /// Of what is at p when `ahead` of the gap is still to come until its middle.
+    const auto gap_moved = [&](size_t gap, const Vector& p, double ahead) {
+        return moved_at(gap, plus(p, ahead, moved_at(gap, p)));
+    };
+    std::vector<double> away(2 * anchor_count * plane);
     for (size_t at = 0; at < plane; ++at) {
-        const size_t row = at / columns;
-        const size_t column = at % columns;
-        const std::array<double, 2> centre = {static_cast<double>(column) * cell + (cell - 1) / 2,
-                                              static_cast<double>(row) * cell + (cell - 1) / 2};
-        for (const int direction : {-1, 1}) {
-            auto position = centre;
-            std::array<double, 2> speed{};
-            for (size_t i = 0; i < 2; ++i) {
-                const double share = place - below;
-                speed.at(i) =
-                    (1 - share) * channel(below, i)[at] + share * channel(below + 1, i)[at];
-            }
-            double now = place;
-            for (int anchor = direction < 0 ? below : below + 1;
-                 anchor >= 0 && anchor < static_cast<int>(anchor_count); anchor += direction) {
-                const double span = (anchor - now) * gap;
-                const auto ahead = speed_at(
-                    anchor, {position[0] + span * speed[0], position[1] + span * speed[1]});
-                for (size_t i = 0; i < 2; ++i) {
-                    position.at(i) += span / 2 * (speed.at(i) + ahead.at(i));
-                    away[(2 * static_cast<size_t>(anchor) + i) * plane + at] =
-                        position.at(i) - centre.at(i);
-                }
-                speed = speed_at(anchor, position);
-                now = anchor;
-            }
+        const Vector centre = {static_cast<double>(at % columns) * cell + (cell - 1) / 2,
+                               static_cast<double>(at / columns) * cell + (cell - 1) / 2};
+        const auto set = [&](size_t anchor, const Vector& p) {
+            away[2 * anchor * plane + at] = p[0] - centre[0];
+            away[(2 * anchor + 1) * plane + at] = p[1] - centre[1];
+        };
+        const Vector around = gap_moved(below, centre, 0.5 - share);
+        Vector p = plus(centre, -share, around);
+        set(below, p);
+        for (size_t gap = below; gap-- > 0;) {
+            p = plus(p, -1, gap_moved(gap, p, -0.5));
+            set(gap, p);
+        }
+        p = plus(centre, 1 - share, around);
+        set(below + 1, p);
+        for (size_t gap = below + 1; gap < gaps; ++gap) {
+            p = plus(p, 1, gap_moved(gap, p, 0.5));
+            set(gap + 1, p);
         }
     }
     return away;
@@ -85,13 +83,14 @@ std::vector<double> trajectory(std::span<const float> velocity, double time, uin
 std::vector<double> fusion_fetch(std::span<const float> anchors, std::span<const float> away,
                                  std::span<const float> prior, double time, uint32_t height,
                                  uint32_t width) {
-    const Layout cells = motion_layout(height, width);
+    const Layout cells = away_layout(height, width);
     const size_t field = size_t{cells.height} * cells.width;
     const size_t plane = size_t{height} * width;
     std::array<size_t, anchor_count> order{};
     std::iota(order.begin(), order.end(), size_t{0});
-    std::ranges::stable_sort(
-        order, {}, [&](size_t a) { return std::abs((time + 1) / gap - static_cast<double>(a)); });
+    std::ranges::stable_sort(order, {}, [&](size_t a) {
+        return std::abs((time + 1) * (anchor_count - 1) / 2 - static_cast<double>(a));
+    });
     std::vector<double> result;
     for (const size_t anchor : order) {
         for (size_t p = 0; p < plane; ++p) {
@@ -159,7 +158,7 @@ Trial trajectory_trial(Device& device, uint32_t trial) {
     shape.time = double{static_cast<float>(shape.time)};
     CaseRandom random(1000 + trial);
     Trial result;
-    result.shape = describe(shape) + " pixels a unit of time";
+    result.shape = describe(shape) + " pixels a gap";
     result.program = std::make_unique<Program>(device);
     Program& program = *result.program;
     const Layout layout = motion_layout(shape.height, shape.width);
@@ -169,13 +168,13 @@ Trial trajectory_trial(Device& device, uint32_t trial) {
     for (size_t i = 0; i < values.size(); ++i) {
         values[i] = shape.speed > 0 ? values[i] + common[i / layout.height / layout.width] : 0;
     }
-    const Tensor velocity = program.input(layout);
+    const Tensor moved = program.input(layout);
     const Tensor instants = program.input(instant_layout(2));
-    result.output = program.output(layout);
+    result.output = program.output(away_layout(shape.height, shape.width));
     result.first_step = program.steps();
-    record_trajectory(program, velocity, instants.channels(1, 1), result.output);
+    record_trajectory(program, moved, instants.channels(1, 1), result.output);
     program.finish();
-    program.write(velocity, from_dense(layout, values));
+    program.write(moved, from_dense(layout, values));
     write_instants(program, instants, shape);
     result.reference = reference::trajectory(values, shape.time, layout.height, layout.width);
     return result;
@@ -190,7 +189,7 @@ Trial fusion_fetch_trial(Device& device, uint32_t trial) {
     result.program = std::make_unique<Program>(device);
     Program& program = *result.program;
     const size_t pixels = size_t{shape.height} * shape.width;
-    const Layout cells = motion_layout(shape.height, shape.width);
+    const Layout cells = away_layout(shape.height, shape.width);
     const Layout layout{plane_count, shape.height, shape.width, shape.block, 2};
     // Of little contrast, since the kernel knows where it is within half a unit in the last place.
     const auto frames = random.values(anchor_count * pixels, 0.4, 0.6);

@@ -9,8 +9,8 @@
 namespace ecir::reference {
 
 /// What record_trajectory() computes at a time, in double precision: [2 * anchor_count][rows]
-/// [columns], as is `velocity`.
-std::vector<double> trajectory(std::span<const float> velocity, double time, uint32_t rows,
+/// [columns]. moved: [2 * (anchor_count - 1)][rows][columns].
+std::vector<double> trajectory(std::span<const float> moved, double time, uint32_t rows,
                                uint32_t columns);
 
 /// What record_fusion_fetch() computes at a time: the differences [anchor_count][height][width],

@@ -3,7 +3,7 @@
 The prior (prior.py) gives a noisy frame at any time. Its errors are a pixel's own, so the same
 point of the scene, seen by other pixels at other times, has other errors: averaging along the motion
 removes them. The motion is estimated from the prior alone (motion.py), nothing in it is learned. For a
-wanted time, positions follow the velocity field to all ANCHORS, the prior's frames are fetched there,
+wanted time, positions follow the motion to all ANCHORS, the prior's frames are fetched there,
 and the head turns what agrees and what does not into a correction of the prior at that time. The trunk
 looks at the exposure once and gives the head features that are polynomials in time.
 
@@ -17,8 +17,9 @@ import torch.nn.functional as F
 import motion
 
 ANCHORS = len(motion.ANCHORS)   # frames of the prior, at even times from -1 to 1
+GAPS = motion.GAPS      # between neighbouring ones
 PLANES = ANCHORS + 7    # of the head's input
-STRIDE = motion.CELL    # pixels a side of a cell of the velocity field
+STRIDE = motion.CELL    # pixels a side of a cell of the motion
 BASIS = 4           # Chebyshev polynomials of time that the trunk's features for the head are made of
 COUNT_SCALE = 0.25
 VELOCITY_SCALE = 0.05
@@ -130,36 +131,44 @@ def sample(field, position, stride):
     return F.grid_sample(field, grid, mode="bilinear", padding_mode="border", align_corners=False)
 
 
-def trajectories(velocity, times, height, width):
+def velocities(moved):
+    """Velocity at the anchors, N x 9 x 2 x h x w in pixels a unit of time, from the gaps' displacements N x 8 x ..."""
+    speed = moved * (0.5 * GAPS)
+    return torch.cat([speed[:, :1], 0.5 * (speed[:, 1:] + speed[:, :-1]), speed[:, -1:]], 1)
+
+
+def trajectories(moved, times, height, width):
     """Where what is at each cell's centre at times [N] is at the anchors: N x ANCHORS x 2 x h x w.
 
-    velocity: N x ANCHORS x 2 x h x w. Heun steps from anchor to anchor.
+    moved: N x GAPS x 2 x h x w, from gap to gap. A gap's displacement is known by where things are half-way
+    through it, so it is read at a first guess of that.
     """
-    count = velocity.shape[0]
-    every = torch.arange(count, device=velocity.device)
-    place = (times + 1) * (0.5 * (ANCHORS - 1))
-    below = place.floor().clamp(0, ANCHORS - 2).long()
+    count = moved.shape[0]
+    every = torch.arange(count, device=moved.device)
+    place = (times + 1) * (0.5 * GAPS)
+    below = place.floor().clamp(0, GAPS - 1).long()
     share = (place - below).view(-1, 1, 1, 1)
-    now = velocity[every, below] * (1 - share) + velocity[every, below + 1] * share
-    start = pixel_grid(height, width, STRIDE, velocity.device)[None].expand_as(now)
-    gap = 2.0 / (ANCHORS - 1)
+    start = pixel_grid(height, width, STRIDE, moved.device).to(moved.dtype)[None].expand(count, -1, -1, -1)
 
-    def chain(first, direction):
-        """Positions at anchors first, first + direction, ..., then repeating the last of them."""
-        found, position, speed, index = [], start, now, first
-        distance = (index - place).view(-1, 1, 1, 1) * gap
-        for _ in range(ANCHORS - 1):
-            field = velocity[every, index]
-            ahead = sample(field, position + distance * speed, STRIDE)
-            position = position + 0.5 * distance * (speed + ahead)
+    def gap_moved(gap, position, ahead):
+        """Of what is at a position when `ahead` of the gap is still to come until its middle."""
+        field = moved[every, gap]
+        return sample(field, position + ahead * sample(field, position, STRIDE), STRIDE)
+
+    def chain(position, direction, first):
+        """Positions at anchors on from the one where `position` is, through gaps first, ..., repeating the last."""
+        found = [position]
+        for i in range(GAPS - 1):
+            gap = first + direction * i
+            inside = ((gap >= 0) & (gap < GAPS)).view(-1, 1, 1, 1)
+            step = direction * gap_moved(gap.clamp(0, GAPS - 1), position, 0.5 * direction)
+            position = torch.where(inside, position + step, position)
             found.append(position)
-            speed = sample(field, position, STRIDE)
-            following = (index + direction).clamp(0, ANCHORS - 1)
-            distance = (following - index).view(-1, 1, 1, 1) * gap
-            index = following
         return torch.stack(found, 1)
-    back, forth = chain(below, -1), chain(below + 1, 1)
-    anchor = torch.arange(ANCHORS, device=velocity.device)[None]
+    around = gap_moved(below, start, 0.5 - share)
+    back = chain(start - share * around, -1, below - 1)
+    forth = chain(start + (1 - share) * around, 1, below + 1)
+    anchor = torch.arange(ANCHORS, device=moved.device)[None]
     past = anchor <= below[:, None]
     steps = torch.where(past, below[:, None] - anchor, anchor - below[:, None] - 1)
     picked = torch.where(past, steps, steps + back.shape[1])
@@ -183,11 +192,11 @@ class Fusion(nn.Module):
             self.head.out.bias.zero_()
 
     @staticmethod
-    def planes(velocity, anchors, blurry, prior, surfaces, times):
+    def planes(moved, anchors, blurry, prior, surfaces, times):
         """Input of the head, M x 16: prior at t, blurry frame, the anchors fetched along the motion
         minus the prior, nearest in time first, surfaces times L + 0.01 and thresholds, t^2."""
         height, width = prior.shape[-2:]
-        path = trajectories(velocity, times, height, width)
+        path = trajectories(moved, times, height, width)
         count = path.shape[0]
         away = path - pixel_grid(height, width, STRIDE, path.device)
         away = F.interpolate(away.flatten(0, 1), scale_factor=STRIDE, mode="bilinear",
@@ -211,27 +220,27 @@ class Fusion(nn.Module):
 
     def sharpened(self, exposure, surfaces):
         """The exposure with the coarse network's frames at the anchors; surfaces N x 9 x 4 x H x W there."""
-        anchors, blurry, counts, velocity = exposure
+        anchors, blurry, counts, moved = exposure
         times = torch.linspace(-1, 1, ANCHORS, dtype=anchors.dtype, device=anchors.device).expand(len(anchors), -1)
-        return self.coarse(exposure, anchors, surfaces, times), blurry, counts, velocity
+        return self.coarse(exposure, anchors, surfaces, times), blurry, counts, moved
 
     def forward(self, exposure, prior, surfaces, times, mixed=False):
         """Frames N x T x H x W at times [N, T].
 
-        exposure, sharpened() where there is a coarse network: anchors N x 9 x H x W, blurry N x 1, counts N x 8, velocity N x 9 x 2 x cells. prior:
+        exposure, sharpened() where there is a coarse network: anchors N x 9 x H x W, blurry N x 1, counts N x 8, moved N x 8 x 2 x cells. prior:
         N x T x H x W; surfaces: N x T x 4 x H x W, already times the thresholds. mixed: convolutions in
         bfloat16, everything else in float32.
         """
         precision = torch.autocast(prior.device.type, torch.bfloat16, enabled=mixed)
-        anchors, blurry, counts, velocity = exposure
+        anchors, blurry, counts, moved = exposure
         with precision:
-            feature = self.trunk(anchors, blurry, counts, velocity.flatten(1, 2)).unflatten(1, (BASIS, -1))
+            feature = self.trunk(anchors, blurry, counts, velocities(moved).flatten(1, 2)).unflatten(1, (BASIS, -1))
         each = times.shape[1]
 
         def spread(value):
             return value.repeat_interleave(each, 0)
         flat = times.flatten()
-        planes = self.planes(spread(velocity), spread(anchors), spread(blurry), prior.flatten(0, 1)[:, None],
+        planes = self.planes(spread(moved), spread(anchors), spread(blurry), prior.flatten(0, 1)[:, None],
                              surfaces.flatten(0, 1), flat)
         with precision:
             frames = self.correct(planes, spread(feature), flat)

@@ -213,7 +213,7 @@ def scaled_fusion(rng, trunk, head, inputs, coarse=None):
 
 def write_fusion_case(path, width, height, widths, seed, coarse_widths=None):
     """Writes one case of the fusion network, every pixel of it; returns the events, the mean changes by
-    the trunk, by the head and by the coarse network, and the largest speed."""
+    the trunk, by the head and by the coarse network, and the largest displacement."""
     rng = np.random.default_rng(seed)
     photo = Photos([synthetic_blurry(rng, 2 * height, 2 * width).astype(np.float32)])
     scene = make_scene(photo, seed, 0, (height, width), 14.0)
@@ -232,7 +232,7 @@ def write_fusion_case(path, width, height, widths, seed, coarse_widths=None):
     more = {"input.blurry": blurry, "input.t": scene.t, "input.x": scene.x, "input.y": scene.y,
             "input.p": scene.p, "input.exposure": np.array([0, EXPOSURE_US]), "input.times": times,
             "input.thresholds": thresholds, "output.frames": frames[0].numpy(),
-            "output.velocity": exposure[3][0].flatten(0, 1).numpy()}
+            "output.moved": exposure[3][0].flatten(0, 1).numpy()}
     half = ("input.x", "input.y", "input.p")
     tensors.update({name: np.asarray(value, np.float16 if name in half else np.float32)
                     for name, value in more.items()})
@@ -265,7 +265,7 @@ def main():
         path = os.path.join(args.output, f"{name}-61x45.safetensors")
         events, moved, corrected, refined, speed = write_fusion_case(path, 61, 45, widths, 11, *more)
         print(f"{path}: {os.path.getsize(path)} bytes, {events} events, mean change by the motion {moved:.3f}, "
-              f"by the head {corrected:.3f}, by the coarse network {refined:.3f}, largest speed {speed:.1f}")
+              f"by the head {corrected:.3f}, by the coarse network {refined:.3f}, furthest {speed:.1f} pixels a gap")
 
 
 if __name__ == "__main__":

@@ -2,22 +2,24 @@
 
 Where brightness only moves, dX/dt + v . grad X = 0 for any function X of the brightness. First the
 exposure is cut into WINDOWS; in each, the change of X between two frames of the prior and their mean
-gradient give one equation a pixel, solved together over a wide neighbourhood. Noise in the gradients
-makes that v too small; so frames at neighbouring anchors are then moved half-way towards each other
-and what remains is solved for again, in a smaller neighbourhood, ROUNDS times.
+gradient give one equation a pixel, solved together over a wide neighbourhood and the windows between two
+anchors for how far things move there. Noise in the gradients makes that too little in fast scenes; so
+frames at neighbouring anchors are then moved half-way towards each other and what remains is solved for
+again, in a smaller neighbourhood, ROUNDS times. It is drawn towards 0: where events are few the prior
+stands still, and more rounds, or less of that, find less and less motion.
 """
 import numpy as np
 
 WINDOWS = 32
 TIMES = np.linspace(-1, 1, WINDOWS + 1)
 ANCHORS = np.linspace(-1, 1, 9)
-GAP = ANCHORS[1] - ANCHORS[0]
+GAPS = len(ANCHORS) - 1
 CELL = 8            # pixels a side of a cell
 EPS = 0.05          # of X = ln(max(L, 0) + EPS); larger than EDI's, so that the dark is less noisy
 RIDGE = 2e-6        # added to the mean squared gradients in the first solution
-FASTEST = 160.0     # and its velocities are cut there, pixels a unit of time
-ROUNDS = 3
-ROUND_RIDGE = 2e-5
+FASTEST = 40.0      # and it is cut there, pixels a gap
+ROUNDS = 1
+ROUND_RIDGE = 1e-3
 ROUND_LIMIT = 2.0   # pixels that a round may add to a displacement from anchor to anchor
 BINOMIAL = np.array([1, 4, 6, 4, 1]) / 16
 
@@ -66,14 +68,14 @@ def solve(q, ridge):
 
 
 def first_estimate(frames):
-    """Velocity [9, 2, h, w] in pixels a unit of time from the prior at TIMES, [33, H, W]."""
+    """Displacements over the gaps between anchors, [8, 2, h, w] in pixels, from the prior at TIMES, [33, H, W]."""
     x = half_size(frames)
     gx, gy = gradient(0.5 * (x[1:] + x[:-1]))
-    middle = 0.5 * (TIMES[1:] + TIMES[:-1])
-    weight = np.maximum(0, 1 - np.abs(middle - ANCHORS[:, None]) / GAP)
-    q = np.einsum("aw,pwhc->pahc", weight / weight.sum(1, keepdims=True), pool(gx, gy, x[1:] - x[:-1]))
+    each = WINDOWS // GAPS
+    q = pool(gx, gy, x[1:] - x[:-1])
+    q = q.reshape(5, GAPS, each, *q.shape[2:]).mean(2)
     q = _smooth(_smooth(q, BINOMIAL, 1, "constant"), BINOMIAL, 2, "constant")
-    return np.clip(solve(q, RIDGE) * (WINDOWS / 2), -FASTEST, FASTEST)
+    return np.clip(each * solve(q, RIDGE), -FASTEST, FASTEST)
 
 
 def bilinear(picture, x, y):
@@ -85,19 +87,19 @@ def bilinear(picture, x, y):
     return top * (1 - fy) + (picture[y0 + 1, x0] * (1 - fx) + picture[y0 + 1, x0 + 1] * fx) * fy
 
 
-def refine(anchors, velocity):
-    """The velocity after ROUNDS of Gauss-Newton; anchors: the prior at ANCHORS, [9, H, W].
+def refine(anchors, found):
+    """The displacements after ROUNDS of Gauss-Newton; anchors: the prior at ANCHORS, [9, H, W].
 
-    The unknown is the displacement over each of the 8 gaps, d [8, 2, h, w], of what is half-way: X of
-    the earlier anchor is fetched at p - d / 2 and of the later one at p + d / 2, their difference and
-    mean gradient give the equations. Pixels whose fetches lie outside the picture do not count.
+    A displacement is that of what is half-way: X of the earlier anchor is fetched at p - d / 2 and of the
+    later one at p + d / 2, their difference and mean gradient give the equations. Pixels whose fetches lie
+    outside the picture do not count.
     """
     x = half_size(anchors)
     gx, gy = gradient(x)
     rows, columns = x.shape[1:]
     py, px = np.indices((rows, columns), float)     # half-resolution pixels
     cell_y, cell_x = (py + 0.5) / (CELL // 2) - 0.5, (px + 0.5) / (CELL // 2) - 0.5
-    found = 0.5 * GAP * (velocity[1:] + velocity[:-1])
+    found = found.copy()
     for _ in range(ROUNDS):
         for i in range(len(found)):
             half = [0.25 * bilinear(part, cell_x, cell_y) for part in found[i]]     # d / 2 in these pixels
@@ -108,11 +110,10 @@ def refine(anchors, velocity):
             mean = [valid * 0.5 * (bilinear(g[i], *early) + bilinear(g[i + 1], *late)) for g in (gx, gy)]
             q = _smooth(pool(mean[0][None], mean[1][None], change[None]), BINOMIAL, 1, "constant")
             found[i] += np.clip(solve(q, ROUND_RIDGE)[0], -ROUND_LIMIT, ROUND_LIMIT)
-    speed = found / GAP
-    return np.concatenate([speed[:1], 0.5 * (speed[1:] + speed[:-1]), speed[-1:]])
+    return found
 
 
 def estimate(frames):
-    """Velocity at ANCHORS, [9, 2, ceil(H / 8), ceil(W / 8)] (x, y), pixels a unit of time, from the
-    prior's frames at TIMES, [33, H, W]."""
-    return refine(frames[::WINDOWS // (len(ANCHORS) - 1)], first_estimate(frames))
+    """Displacements (x, y) of what is at cells' centres half-way between neighbouring ANCHORS, pixels,
+    [8, 2, ceil(H / 8), ceil(W / 8)], from the prior's frames at TIMES, [33, H, W]."""
+    return refine(frames[::WINDOWS // GAPS], first_estimate(frames))

@@ -62,7 +62,7 @@ def coarse_frames(network, scene, surfaces):
     """Frames [9, H, W] at the anchors by a network, from the arrays of fusion_arrays() and the surfaces
     [9, 4, H, W] there."""
     thresholds = scene["thresholds"][:, None, None]
-    arrays = (scene["anchors"], scene["blurry"] / 255, scene["counts"], scene["velocity"],
+    arrays = (scene["anchors"], scene["blurry"] / 255, scene["counts"], scene["moved"],
               surfaces * np.where(surfaces > 0, *thresholds), motion.ANCHORS)
     *exposure, surfaces, times = (torch.from_numpy(np.asarray(array, np.float32))[None] for array in arrays)
     with torch.no_grad():
@@ -89,7 +89,7 @@ def fusion_arrays(source, seed, index, size, travel=None, even=False, coarse=Non
               "prior": prior.frames(blurry, times).astype(np.float16),
               "surfaces": np.stack([np.round(prior.surfaces(time) * 127) for time in times]).astype(np.int8),
               "counts": np.minimum(prior.counts(motion.ANCHORS), 255).astype(np.uint8),
-              "velocity": motion.estimate(fine).astype(np.float16)}
+              "moved": motion.estimate(fine).astype(np.float16)}
     if coarse:
         surfaces = np.stack([prior.surfaces(time) for time in motion.ANCHORS])
         arrays["anchors"] = coarse_frames(coarse, arrays, surfaces).astype(np.float16)

@@ -30,9 +30,9 @@ def augment(scene, rng):
     """Mirrors, transposes and reverses time (order turned round, polarities and signs swapped)."""
     scene = dict(scene)
     if rng.random() < 0.5:      # backwards
-        for name in ("anchors", "prior", "truth", "counts", "times", "velocity"):
+        for name in ("anchors", "prior", "truth", "counts", "times", "moved"):
             scene[name] = scene[name].flip(0)
-        scene["times"], scene["velocity"] = -scene["times"], -scene["velocity"]
+        scene["times"], scene["moved"] = -scene["times"], -scene["moved"]
         # Step back over an event: the one before becomes the one after, with the other sign.
         scene["surfaces"] = -scene["surfaces"].flip(0)[:, [2, 3, 0, 1]]
         scene["thresholds"] = scene["thresholds"].flip(0)
@@ -41,15 +41,15 @@ def augment(scene, rng):
             for name, value in scene.items():
                 if value.dim() >= 3:
                     scene[name] = value.flip(value.dim() - 1 - axis)
-            sign = torch.ones(2, dtype=scene["velocity"].dtype)
+            sign = torch.ones(2, dtype=scene["moved"].dtype)
             sign[axis] = -1
-            scene["velocity"] = scene["velocity"] * sign.view(2, 1, 1)
+            scene["moved"] = scene["moved"] * sign.view(2, 1, 1)
     height, width = scene["blurry"].shape[-2:]
     if rng.random() < 0.5 and height == width:
         for name, value in scene.items():
             if value.dim() >= 3:
                 scene[name] = value.transpose(-1, -2)
-        scene["velocity"] = scene["velocity"].flip(1)
+        scene["moved"] = scene["moved"].flip(1)
     return scene
 
 
@@ -79,7 +79,7 @@ def batch(scenes, rng, device):
 
 
 def forward(model, b, mixed=False):
-    exposure = (b["anchors"], b["blurry"], b["counts"], b["velocity"])
+    exposure = (b["anchors"], b["blurry"], b["counts"], b["moved"])
     return model(exposure, b["prior"], b["surfaces"], b["times"], mixed)
 
 

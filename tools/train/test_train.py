@@ -333,17 +333,18 @@ class FusionTest(unittest.TestCase):
         inside = np.s_[:, :, 2:-2, 2:-2]
         first = motion.first_estimate(frames)
         refined = motion.estimate(frames)
-        np.testing.assert_allclose(first[inside].mean((0, 2, 3)), v, rtol=0.1)
-        np.testing.assert_allclose(refined[inside].mean((0, 2, 3)), v, rtol=0.02)
+        np.testing.assert_allclose(first[inside].mean((0, 2, 3)), v * 2 / motion.GAPS, rtol=0.1)
+        np.testing.assert_allclose(refined[inside].mean((0, 2, 3)), v * 2 / motion.GAPS, rtol=0.04)
 
     def test_trajectories_of_an_even_motion(self):
-        speed = torch.tensor([5.0, -2.0]).view(1, 1, 2, 1, 1).expand(2, fusion.ANCHORS, 2, 5, 6)
-        times = torch.tensor([-1.0, 0.3])
-        path = fusion.trajectories(speed, times, 40, 48)
+        speed = torch.tensor([5.0, -2.0])
+        moved = (speed * 2 / fusion.GAPS).view(1, 1, 2, 1, 1).expand(3, fusion.GAPS, 2, 5, 6)
+        times = torch.tensor([-1.0, 0.3, 1.0])
+        path = fusion.trajectories(moved, times, 40, 48)
         start = fusion.pixel_grid(40, 48, fusion.STRIDE, "cpu")
         for i, t in enumerate(times):
             for j, s in enumerate(torch.linspace(-1, 1, fusion.ANCHORS)):
-                expected = start + (s - t) * speed[0, 0]
+                expected = start + (s - t) * speed.view(2, 1, 1)
                 self.assertTrue(torch.allclose(path[i, j], expected, atol=1e-4))
 
     def test_transposed_convolution_equals_torch(self):
@@ -361,7 +362,7 @@ class FusionTest(unittest.TestCase):
                 prior_frames = torch.rand(1, 2, height, width)
                 cells = (-(-height // 8), -(-width // 8))
                 exposure = (torch.rand(1, 9, height, width), torch.rand(1, 1, height, width),
-                            torch.zeros(1, 8, height, width), torch.zeros(1, 9, 2, *cells))
+                            torch.zeros(1, 8, height, width), torch.zeros(1, 8, 2, *cells))
                 frames = model(exposure, prior_frames, torch.zeros(1, 2, 4, height, width),
                                   torch.tensor([[-1.0, 0.123]]))
                 self.assertTrue(torch.equal(frames, prior_frames))
