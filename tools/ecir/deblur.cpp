@@ -25,6 +25,7 @@ struct Options {
     std::string lag;
     std::string regions = "on";
     std::string quality;
+    std::vector<Precision> precision = {Precision::float32};
 };
 
 [[noreturn]] void refuse(const std::string& what) {
@@ -89,6 +90,7 @@ DeblurJob to_job(const Options& options) {
     } else if (!options.lag.empty()) {
         job.lag = parse_time("--lag", options.lag);
     }
+    job.precision = options.precision.front();
     job.deblur.regions = options.regions == "on";
     if (job.deblur.model != "auto" && (job.budget_ms || !options.quality.empty())) {
         refuse("--quality and --budget choose between models; leave them out, or -m " +
@@ -209,6 +211,7 @@ void add_method(CLI::App& command, Options& o) {
         ->check(CLI::IsMember({"on", "off"}))
         ->option_text("on|off [" + o.regions + "]")
         ->group(group);
+    add_precision_option(command, o.precision, 1)->group(group);
     add_device_option(command, o.job.device)->group(group);
 }
 
