@@ -69,12 +69,14 @@ void run(const Options& options) {
     if (!options.output.empty()) {
         output.emplace(options.output, true, options.overwrite);
     }
-    std::vector<Precision> precisions = options.precisions;
-    std::ranges::sort(precisions);
-    precisions.erase(std::ranges::unique(precisions).begin(), precisions.end());
     std::map<Precision, std::shared_ptr<Device>> devices;
-    for (const Precision precision : precisions) {
+    for (const Precision precision : options.precisions) {
         devices[precision] = open_device(options.device, precision);
+    }
+    std::vector<Precision> precisions;
+    precisions.reserve(devices.size());
+    for (const auto& [precision, device] : devices) {
+        precisions.push_back(precision);
     }
     std::vector<std::string> models = options.models;
     if (models.empty()) {
