@@ -69,6 +69,22 @@ uint32_t lane_pixels(uint32_t width) {
     return best;
 }
 
+constexpr uint32_t kTileColumns = 16; ///< of pixels, LX of shaders/conv_tile.glsl
+constexpr uint32_t kTileLines = 4;    ///< of invocations, LY there
+
+/// Output rows of an invocation of the tile family. The more the fewer loads a multiply-add, but a
+/// large GPU wants some 256 workgroups before anything else.
+uint32_t tile_rows(uint32_t height, uint32_t width, uint32_t groups, uint32_t stride) {
+    constexpr uint32_t kEnough = 256;
+    for (uint32_t rows = stride == 1 ? 8 : 2; rows > 1; rows /= 2) {
+        if (ceil_div(width, kTileColumns) * ceil_div(height, kTileLines * rows) * groups >=
+            kEnough) {
+            return rows;
+        }
+    }
+    return 1;
+}
+
 } // namespace
 
 ConvFamily conv_family(const DeviceInfo& info) {
@@ -77,6 +93,24 @@ ConvFamily conv_family(const DeviceInfo& info) {
     const bool lane =
         info.is_cpu && info.buffer_address && info.max_uniform_range >= kConvUniformSlice;
     return lane && !tile ? ConvFamily::lane : ConvFamily::tile;
+}
+
+void check_precision(const DeviceInfo& info, Precision precision) {
+    if (precision == Precision::float32) {
+        return;
+    }
+    if (!has_float16(info)) {
+        throw Error(ExitCode::usage, info.name + " has no " +
+                                         (info.float16 ? "16-bit storage" : "float16 arithmetic") +
+                                         "; leave --precision out");
+    }
+    if (conv_family(info) != ConvFamily::tile) {
+        throw Error(ExitCode::usage,
+                    "only the convolution kernels of GPUs know float16, not those for CPU drivers "
+                    "that " +
+                        info.name +
+                        " gets; leave --precision out, or set ECIR_CONV=tile to try them");
+    }
 }
 
 std::string explain_convolutions(const DeviceInfo& info) {
@@ -88,9 +122,13 @@ std::string explain_convolutions(const DeviceInfo& info) {
                        std::to_string(kConvUniformSlice) +
                        " needed; ECIR_CONV: " + (wanted != nullptr ? wanted : "not set") + "\n";
     if (conv_family(info) == ConvFamily::tile) {
-        return text + "tile (shaders/conv_tile.comp) for all convolutions: shared-memory tiles for "
-                      "GPUs, and wherever the families for CPU drivers cannot run or "
-                      "ECIR_CONV=tile asks for it\n";
+        text += "tile (shaders/conv_tile.comp) for all convolutions: input and weights of 4 "
+                "channels in shared memory, up to 8 pixels x 8 output channels an invocation; for "
+                "GPUs, and wherever the families for CPU drivers cannot run or ECIR_CONV=tile asks "
+                "for it\n";
+        return text +
+               "--precision float16: " + (has_float16(info) ? "yes" : "no, the device lacks it") +
+               "\n";
     }
     return text +
            "row (shaders/conv_row.comp, conv_row_up.comp), a lane a pixel, for fusion networks "
@@ -290,11 +328,15 @@ void Conv::record_tile(Program& program, std::span<const Tensor> inputs, const T
             push.height = ceil_div(out.height - phase.offset_y, step());
             push.has_init = accumulate || residual ? 1 : 0;
             push.floor = i + 1 == inputs.size() && desc_.relu ? 0 : kNoFloor;
-            const std::array<uint32_t, 5> constants{phase.kernel_h, phase.kernel_w, stride,
-                                                    in.block, step()};
+            const uint32_t rows = desc_.tile_rows != 0
+                                      ? desc_.tile_rows
+                                      : tile_rows(push.height, push.width, groups(), stride);
+            const std::array<uint32_t, 6> constants{phase.kernel_h, phase.kernel_w, stride,
+                                                    in.block,       step(),         rows};
             const uint64_t zeros = zeros_offset();
+            const char* shader = precision_ == Precision::float16 ? "conv_tile_half" : "conv_tile";
             Dispatch dispatch;
-            dispatch.kernel = &device_.kernel("conv_tile", constants, 6, sizeof(TilePush));
+            dispatch.kernel = &device_.kernel(shader, constants, 6, sizeof(TilePush));
             dispatch.arguments = {ecir::read(inputs[i]),
                                   ecir::read(inputs[i]),
                                   constant(weights_, tile_offsets_[p][i]),
@@ -302,12 +344,13 @@ void Conv::record_tile(Program& program, std::span<const Tensor> inputs, const T
                                   ecir::read(init),
                                   update(output)};
             dispatch.set_push(push);
-            dispatch.groups = {ceil_div(push.width, 32), ceil_div(push.height, 8), groups()};
+            dispatch.groups = {ceil_div(push.width, kTileColumns),
+                               ceil_div(push.height, kTileLines * rows), groups()};
             const double outputs = double{1} * push.width * push.height * desc_.out_channels;
             dispatch.flops = 2.0 * outputs * in.channels * static_cast<double>(phase.taps.size());
             dispatch.bytes = 4.0 * (double{1} * in.height * in.width * in.channels +
                                     (accumulate ? 2 : 1) * outputs);
-            dispatch.label = "conv_tile";
+            dispatch.label = shader;
             program.add(std::move(dispatch));
         }
     }

@@ -13,7 +13,7 @@ namespace ecir {
 enum class ConvFamily {
     lane, ///< shaders/conv_lane.comp, for drivers that run on a CPU; reads by device address
     row,  ///< shaders/conv_row.comp and conv_row_up.comp, for the same; tensors by rows
-    tile, ///< shaders/conv_tile.comp, storage buffers only, for GPUs and everything else
+    tile, ///< shaders/conv_tile.glsl, storage buffers only, for GPUs and everything else
 };
 
 constexpr uint32_t kConvTileBlock = 8; ///< channel block of the tile family
@@ -24,6 +24,15 @@ constexpr uint64_t kConvUniformSlice =
 /// ECIR_CONV=tile in the environment gives tile everywhere, to check on a CPU driver what a GPU
 /// would run.
 ConvFamily conv_family(const DeviceInfo& info);
+
+/// 16-bit storage and arithmetic, which the float16 kernels of the tile family take.
+inline bool has_float16(const DeviceInfo& info) {
+    return info.float16 && info.storage16;
+}
+
+/// Throws Error(usage) where a device's convolutions do not know a precision: float16 is of the
+/// tile family, on devices that has_float16().
+void check_precision(const DeviceInfo& info, Precision precision);
 
 /// Which families convolutions use on a device, and why, for a person: lines of text.
 std::string explain_convolutions(const DeviceInfo& info);
@@ -50,6 +59,11 @@ struct ConvDesc {
     /// Most output channels that a dispatch of the lane family binds, a multiple of the block, so
     /// that large outputs stay within what a device binds; 0: as many as their weights allow.
     uint32_t most_bound = 0;
+    /// What the tile family multiplies in; unset: what the device was opened for.
+    std::optional<Precision> precision = {};
+    /// Output rows that an invocation of the tile family computes: 8, 4, 2 or 1, with stride 2 at
+    /// most 2; 0: by the output's size.
+    uint32_t tile_rows = 0;
 };
 
 /// Input channels of a convolution in the order of one input tensor: for each channel of the tensor
@@ -142,6 +156,7 @@ private:
     uint32_t in_channels_ = 0;
     ConvFamily family_;
     uint32_t block_;
+    Precision precision_;
     std::vector<Phase> phases_;
     std::vector<std::vector<Slice>> slices_;          ///< lane: by phase
     std::vector<RowSlice> row_slices_;                ///< row

@@ -1,3 +1,4 @@
+#include <Eigen/Core>
 #include <algorithm>
 #include <string>
 
@@ -17,10 +18,12 @@ uint32_t round_up(uint32_t value, uint32_t multiple) {
     return (value + multiple - 1) / multiple * multiple;
 }
 
-void append_aligned(std::vector<float>& all, const std::vector<float>& part) {
+/// So that what comes next can be bound when a value takes `bytes`.
+void append_aligned(std::vector<float>& all, const std::vector<float>& part,
+                    size_t bytes = sizeof(float)) {
     all.insert(all.end(), part.begin(), part.end());
-    constexpr size_t kFloats = kBindingAlignment / sizeof(float);
-    all.resize((all.size() + kFloats - 1) / kFloats * kFloats);
+    const size_t values = kBindingAlignment / bytes;
+    all.resize((all.size() + values - 1) / values * values);
 }
 
 /// Input channels of one slice: enough work for each pass over the output, code that still compiles
@@ -39,7 +42,8 @@ Conv::Conv(Device& device, const ConvDesc& desc, const std::vector<ChannelMap>& 
       family_(family.value_or(conv_family(device.info()))),
       block_(family_ == ConvFamily::row    ? 1
              : family_ == ConvFamily::lane ? channel_block(device.info())
-                                           : kConvTileBlock) {
+                                           : kConvTileBlock),
+      precision_(desc.precision.value_or(device.precision())) {
     for (const ChannelMap& map : inputs) {
         in_channels_ += static_cast<uint32_t>(map.size());
     }
@@ -51,6 +55,10 @@ Conv::Conv(Device& device, const ConvDesc& desc, const std::vector<ChannelMap>& 
     if (desc.most_bound % block_ != 0) {
         fail("most_bound is " + std::to_string(desc.most_bound) + ", not a multiple of the block " +
              std::to_string(block_));
+    }
+    if (precision_ == Precision::float16 &&
+        (family_ != ConvFamily::tile || !has_float16(device.info()))) {
+        check_precision(device.info(), precision_);
     }
     if (family_ == ConvFamily::row) {
         if (desc.out_channels % kConvRowGroup != 0) {
@@ -192,6 +200,7 @@ void Conv::pack_lane(std::span<const float> weight) {
 }
 
 void Conv::pack_tile(std::span<const float> weight) {
+    const size_t bytes = precision_ == Precision::float16 ? sizeof(Eigen::half) : sizeof(float);
     std::vector<float> all;
     for (const Phase& phase : phases_) {
         const auto taps = static_cast<uint32_t>(phase.taps.size());
@@ -210,12 +219,17 @@ void Conv::pack_tile(std::span<const float> weight) {
                     }
                 }
             }
-            offsets.push_back(all.size() * sizeof(float));
-            append_aligned(all, part);
+            offsets.push_back(all.size() * bytes);
+            append_aligned(all, part, bytes);
         }
         tile_offsets_.push_back(std::move(offsets));
     }
-    weights_ = upload<float>(device_, all);
+    if (precision_ == Precision::float16) {
+        const std::vector<Eigen::half> rounded(all.begin(), all.end());
+        weights_ = upload<Eigen::half>(device_, rounded);
+    } else {
+        weights_ = upload<float>(device_, all);
+    }
 }
 
 } // namespace ecir

@@ -24,7 +24,9 @@ namespace {
 constexpr std::array kOperations = {
     Operation{"conv", 1e-5, "float32 sums of up to 2000 products", 17, conv_trial, 10},
     Operation{"conv_row", 1e-5, "float32 sums of up to 2000 products", 15, conv_row_trial, 33},
-    Operation{"conv_tile", 1e-5, "float32 sums of up to 2000 products", 17, conv_tile_trial, 3},
+    Operation{"conv_tile", 1e-5, "float32 sums of up to 2000 products", 34, conv_tile_trial, 3},
+    Operation{"conv_tile_half", 2e-3, "float16 factors, float16 sums of up to 20 products", 34,
+              conv_tile_half_trial, 3, true},
     Operation{"conv_plane", 1e-5, "float32 sums of up to 400 products", 4, conv_plane_trial},
     Operation{"conv_pair", 1e-5, "float32 sums of up to 700 products", 8, conv_pair_trial, 4},
     Operation{"event_histogram", 0, "counts are whole numbers", 10, event_histogram_trial, 2},
@@ -53,6 +55,10 @@ constexpr std::array kOperations = {
 
 std::span<const Operation> operations() {
     return kOperations;
+}
+
+bool runs_on(const Operation& operation, const DeviceInfo& info) {
+    return !operation.float16 || has_float16(info);
 }
 
 TrialResult run_trial(const Operation& operation, Device& device, uint32_t index) {

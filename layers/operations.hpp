@@ -31,10 +31,14 @@ struct Operation {
     /// How many cases follow them that have the shapes of the networks at 240x180 with 14 frames,
     /// for `bench`: trial `trials`, `trials` + 1, ...
     uint32_t network_trials = 0;
+    bool float16 = false; ///< only for devices with 16-bit storage and arithmetic
 };
 
 /// All operations. Adding one adds a line here.
 std::span<const Operation> operations();
+
+/// Whether a device has what an operation needs.
+bool runs_on(const Operation& operation, const DeviceInfo& info);
 
 struct TrialResult {
     std::string shape;

@@ -169,16 +169,19 @@ std::vector<DeviceInfo> Device::list() {
     return describe_all(*Instance::shared());
 }
 
-std::shared_ptr<Device> Device::open(const std::string& selector) {
+std::shared_ptr<Device> Device::open(const std::string& selector, Precision precision) {
     auto instance = Instance::shared();
     const auto devices = describe_all(*instance);
     const size_t index = choose(devices, selector);
     const auto physical = instance->physical_devices();
-    return std::shared_ptr<Device>(new Device(instance, physical[index], devices[index]));
+    return std::shared_ptr<Device>(
+        new Device(instance, physical[index], devices[index], precision));
 }
 
-Device::Device(std::shared_ptr<Instance> instance, VkPhysicalDevice physical, DeviceInfo info)
-    : instance_(std::move(instance)), physical_(physical), info_(std::move(info)) {
+Device::Device(std::shared_ptr<Instance> instance, VkPhysicalDevice physical, DeviceInfo info,
+               Precision precision)
+    : instance_(std::move(instance)), physical_(physical), info_(std::move(info)),
+      precision_(precision) {
     vkGetPhysicalDeviceMemoryProperties(physical_, &memory_);
     queue_family_ = compute_family(physical_);
     if (queue_family_ == UINT32_MAX) {
@@ -191,17 +194,24 @@ Device::Device(std::shared_ptr<Instance> instance, VkPhysicalDevice physical, De
     queue.queueCount = 1;
     queue.pQueuePriorities = &priority;
 
+    const VkBool32 address = info_.buffer_address ? VK_TRUE : VK_FALSE;
+    const VkBool32 half = info_.float16 && info_.storage16 ? VK_TRUE : VK_FALSE;
+    VkPhysicalDevice16BitStorageFeatures storage16{};
+    storage16.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_16BIT_STORAGE_FEATURES;
+    storage16.storageBuffer16BitAccess = half;
     VkPhysicalDeviceVulkan12Features features12{};
     features12.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_2_FEATURES;
-    features12.bufferDeviceAddress = VK_TRUE;
-    features12.scalarBlockLayout = VK_TRUE;
+    features12.pNext = &storage16;
+    features12.bufferDeviceAddress = address;
+    features12.scalarBlockLayout = address;
+    features12.shaderFloat16 = half;
     VkPhysicalDeviceFeatures features{};
-    features.shaderInt64 = VK_TRUE;
+    features.shaderInt64 = address;
     VkDeviceCreateInfo create{};
     create.sType = VK_STRUCTURE_TYPE_DEVICE_CREATE_INFO;
     create.queueCreateInfoCount = 1;
     create.pQueueCreateInfos = &queue;
-    if (info_.buffer_address) {
+    if (address == VK_TRUE || half == VK_TRUE) { // either is known of Vulkan 1.2 devices only
         create.pNext = &features12;
         create.pEnabledFeatures = &features;
     }

@@ -16,6 +16,9 @@ namespace ecir {
 class Kernel;
 class KernelCache;
 
+/// What convolutions multiply in, where their kernels for a device know both (layers/conv.hpp).
+enum class Precision { float32, float16 };
+
 /// What a device is and offers; everything here was asked for, nothing assumed.
 struct DeviceInfo {
     uint32_t index = 0; ///< position in Device::list(), the number that -g takes
@@ -49,13 +52,17 @@ public:
 
     /// Opens the default device, or the one whose index or part of whose name `selector` is
     /// (upper and lower case alike). Throws Error(device) listing the devices when none matches.
-    static std::shared_ptr<Device> open(const std::string& selector = {});
+    /// Networks made for the device multiply in `precision`; check_precision() of layers/conv.hpp
+    /// says whether it can.
+    static std::shared_ptr<Device> open(const std::string& selector = {},
+                                        Precision precision = Precision::float32);
 
     ~Device();
     Device(const Device&) = delete;
     Device& operator=(const Device&) = delete;
 
     [[nodiscard]] const DeviceInfo& info() const { return info_; }
+    [[nodiscard]] Precision precision() const { return precision_; }
     [[nodiscard]] VkDevice handle() const { return device_; }
     [[nodiscard]] VkQueue queue() const { return queue_; }
     [[nodiscard]] uint32_t queue_family() const { return queue_family_; }
@@ -85,11 +92,13 @@ public:
     [[nodiscard]] Handle<VkFence> make_fence() const;
 
 private:
-    Device(std::shared_ptr<Instance> instance, VkPhysicalDevice physical, DeviceInfo info);
+    Device(std::shared_ptr<Instance> instance, VkPhysicalDevice physical, DeviceInfo info,
+           Precision precision);
 
     std::shared_ptr<Instance> instance_;
     VkPhysicalDevice physical_;
     DeviceInfo info_;
+    Precision precision_;
     VkPhysicalDeviceMemoryProperties memory_{};
     VkDevice device_ = VK_NULL_HANDLE;
     VkQueue queue_ = VK_NULL_HANDLE;

@@ -88,7 +88,8 @@ std::string describe(const ConvCase& c) {
            std::to_string(c.out) + " " + std::to_string(c.width) + "x" + std::to_string(c.height);
 }
 
-Trial make_trial(Device& device, const ConvCase& c, CaseRandom random, ConvFamily family) {
+Trial make_trial(Device& device, const ConvCase& c, CaseRandom random, ConvFamily family,
+                 Precision precision = Precision::float32, uint32_t tile_rows = 0) {
     Trial trial;
     trial.shape = describe(c);
     trial.program = std::make_unique<Program>(device);
@@ -142,7 +143,13 @@ Trial make_trial(Device& device, const ConvCase& c, CaseRandom random, ConvFamil
         residual = program.input(layout);
     }
     trial.first_step = program.steps();
-    const ConvDesc desc{c.out, c.kernel, c.stride, c.transposed, c.relu};
+    const ConvDesc desc{.out_channels = c.out,
+                        .kernel = c.kernel,
+                        .stride = c.stride,
+                        .transposed = c.transposed,
+                        .relu = c.relu,
+                        .precision = precision,
+                        .tile_rows = tile_rows};
     const Conv layer(device, desc, maps, weight, bias, family);
     layer.record(program, tensors, trial.output, residual);
     program.finish();
@@ -167,6 +174,24 @@ Trial make_trial(Device& device, const ConvCase& c, CaseRandom random, ConvFamil
     return trial;
 }
 
+Trial make_tile_trial(Device& device, uint32_t trial, Precision precision) {
+    const auto small = static_cast<uint32_t>(small_convs().size());
+    if (trial >= 2 * small) {
+        // Of the networks' a few: where this is the device's family, `conv` and `conv_row` have
+        // all.
+        constexpr std::array<size_t, 3> kChosen = {2, 9, 11};
+        return make_trial(device, network_row_convs().at(kChosen.at(trial - 2 * small)),
+                          CaseRandom(trial), ConvFamily::tile, precision);
+    }
+    // Every case with two numbers of rows an invocation, which large images would choose.
+    const ConvCase& conv = small_convs()[trial % small];
+    constexpr std::array<uint32_t, 4> kRows = {8, 1, 4, 2};
+    const uint32_t turn = trial % small + trial / small;
+    const bool strided = conv.stride == 2 && !conv.transposed;
+    return make_trial(device, conv, CaseRandom(trial), ConvFamily::tile, precision,
+                      strided ? 1 + turn % 2 : kRows.at(turn % kRows.size()));
+}
+
 } // namespace
 
 Trial conv_trial(Device& device, uint32_t trial) {
@@ -177,13 +202,11 @@ Trial conv_trial(Device& device, uint32_t trial) {
 }
 
 Trial conv_tile_trial(Device& device, uint32_t trial) {
-    const auto small = static_cast<uint32_t>(small_convs().size());
-    // Of the networks' a few: where this is the device's family, `conv` and `conv_row` have all.
-    constexpr std::array<size_t, 3> kChosen = {2, 9, 11};
-    return make_trial(device,
-                      trial < small ? small_convs()[trial]
-                                    : network_row_convs().at(kChosen.at(trial - small)),
-                      CaseRandom(trial), ConvFamily::tile);
+    return make_tile_trial(device, trial, Precision::float32);
+}
+
+Trial conv_tile_half_trial(Device& device, uint32_t trial) {
+    return make_tile_trial(device, trial, Precision::float16);
 }
 
 Trial conv_row_trial(Device& device, uint32_t trial) {

@@ -23,6 +23,7 @@ struct Options {
     std::string operation;
     ModelCase model;
     std::string size;
+    std::vector<Precision> precision;
     bool start = false;
     std::filesystem::path compare;
     std::string device;
@@ -44,7 +45,8 @@ std::vector<ModelCase> chosen_models(const Options& options, bool sized) {
     } else if (options.everything()) {
         names = model_names();
     } else if (options.start || options.model.refine || sized) {
-        refuse("--size, --frames, --refine and --start are about models; give --model too");
+        refuse("--size, --frames, --refine, --precision and --start are about models; give "
+               "--model too");
     }
     if (options.model.refine && names.size() != 1) {
         refuse("--refine is about one model; give --model too");
@@ -59,7 +61,8 @@ std::vector<ModelCase> chosen_models(const Options& options, bool sized) {
 
 std::vector<OperationRow> bench_operations(Device& device, const Roof& roof,
                                            const std::string& choice) {
-    const auto chosen = choose_operations(choice);
+    auto chosen = choose_operations(choice);
+    std::erase_if(chosen, [&](const Operation* each) { return !runs_on(*each, device.info()); });
     uint32_t total = 0;
     for (const Operation* operation : chosen) {
         total += operation->network_trials;
@@ -122,6 +125,10 @@ void run(const Options& options, bool sized) {
         (void)choose_operations(options.operation); // a mistake there shows before anything runs
     }
     const auto device = Device::open(options.device);
+    // Operations have a precision of their own each, whatever the models' is.
+    const auto for_models = options.model.precision == Precision::float32
+                                ? device
+                                : open_device(options.device, options.model.precision);
     if (options.explain) {
         std::fputs((device->info().name + "\n" + explain_convolutions(device->info())).c_str(),
                    stdout);
@@ -130,8 +137,13 @@ void run(const Options& options, bool sized) {
     if (old && old->device() != device->info().name) {
         Console("", 0).warn(old->path().string() + " is of another device, " + old->device());
     }
-    BenchReport report{
-        this_host(), device->info(), measure_roof(*device), measure_overhead(*device), {}, {}};
+    BenchReport report{this_host(),
+                       device->info(),
+                       options.model.precision,
+                       measure_roof(*device),
+                       measure_overhead(*device),
+                       {},
+                       {}};
     if (!options.json) {
         print_surroundings(report);
     }
@@ -142,7 +154,7 @@ void run(const Options& options, bool sized) {
         }
     }
     if (!models.empty()) {
-        report.models = bench_models(device, models, options.start || options.everything());
+        report.models = bench_models(for_models, models, options.start || options.everything());
         if (!options.json) {
             print_models(report.models);
         }
@@ -181,6 +193,7 @@ void add_model_options(CLI::App& command, Options& o) {
         ->check(CLI::Range(0U, 1000U))
         ->option_text("I")
         ->group(group);
+    add_precision_option(command, o.precision, 1)->group(group);
     command
         .add_flag("--start", o.start,
                   "Also its start-up (takes a minute; without --op and --model always done)")
@@ -233,7 +246,12 @@ void add_bench(CLI::App& app) {
         if (!options->size.empty()) {
             options->model.size = parse_size(options->size);
         }
-        run(*options, command->count("--size") + command->count("--frames") > 0);
+        if (!options->precision.empty()) {
+            options->model.precision = options->precision.front();
+        }
+        run(*options,
+            command->count("--size") + command->count("--frames") + command->count("--precision") >
+                0);
     });
 }
 

@@ -17,9 +17,9 @@ std::string describe(const OperationRow& row) {
 }
 
 std::string model_text(const std::string& name, const std::string& size, uint32_t frames,
-                       uint32_t refine) {
+                       uint32_t refine, const std::string& precision) {
     return name + " " + size + ", " + std::to_string(frames) + " frames, refine " +
-           std::to_string(refine);
+           std::to_string(refine) + ", " + precision;
 }
 
 } // namespace
@@ -41,8 +41,8 @@ OldReport::OldReport(std::filesystem::path path) : path_(std::move(path)) {
             add(row, row.at("name").get<std::string>() + " " + row.at("shape").get<std::string>());
         }
         for (const auto& row : json.at("models")) {
-            add(row,
-                model_text(row.at("name"), row.at("size"), row.at("frames"), row.at("refine")));
+            add(row, model_text(row.at("name"), row.at("size"), row.at("frames"), row.at("refine"),
+                                row.value("precision", "float32"))); // older reports know no other
         }
     } catch (const nlohmann::json::exception& error) {
         throw Error(ExitCode::bad_input,
@@ -70,7 +70,7 @@ std::vector<ComparedRow> OldReport::compare(const BenchReport& report) const {
     }
     for (const ModelRow& row : report.models) {
         if (row.ok) {
-            add(model_text(row.name, row.size, row.frames, row.refine), row.time);
+            add(model_text(row.name, row.size, row.frames, row.refine, row.precision), row.time);
         }
     }
     if (result.empty()) {

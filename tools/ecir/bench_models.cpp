@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "layers/operations.hpp"
+#include "tools/ecir/precision.hpp"
 #include "weights/safetensors.hpp"
 
 namespace ecir::cli {
@@ -136,6 +137,7 @@ ModelRow bench_model(const std::shared_ptr<Device>& device, const ModelCase& wor
     row.size = std::to_string(work.size.width) + "x" + std::to_string(work.size.height);
     row.frames = work.frames;
     row.refine = iterations(work);
+    row.precision = precision_name(device->precision());
     const auto frames = run();
     row.ok = std::ranges::all_of(frames, [](float value) { return std::isfinite(value); }) &&
              frames == run();

@@ -15,6 +15,7 @@ struct ModelCase {
     PixelSize size{240, 180};
     uint32_t frames = 14;
     std::optional<uint32_t> refine;
+    Precision precision = Precision::float32; ///< of the device that it runs on
 };
 
 /// A texture that moves over an image, and the events of it.

@@ -3,6 +3,8 @@
 #include <cmath>
 #include <cstdio>
 
+#include "tools/ecir/precision.hpp"
+
 namespace ecir::cli {
 namespace {
 
@@ -33,11 +35,8 @@ Json to_json(const OperationRow& row) {
 }
 
 Json to_json(const ModelRow& row) {
-    Json json = {{"name", row.name},
-                 {"size", row.size},
-                 {"frames", row.frames},
-                 {"refine", row.refine},
-                 {"ok", row.ok}};
+    Json json = {{"name", row.name},     {"size", row.size},           {"frames", row.frames},
+                 {"refine", row.refine}, {"precision", row.precision}, {"ok", row.ok}};
     if (row.ok) {
         add_timing(json, row.time);
     }
@@ -60,7 +59,7 @@ Json to_json(const BenchReport& report) {
     json["device"] = report.device.name;
     json["type"] = report.device.type;
     json["driver"] = report.device.driver;
-    json["precision"] = "float32";
+    json["precision"] = precision_name(report.precision);
     json["roof"] = {{"gflops", report.roof.gflops}, {"gbs", report.roof.gbs}};
     json["overhead"] = {{"submit_us", report.overhead.submit_us},
                         {"dispatch_us", report.overhead.dispatch_us}};
@@ -80,7 +79,7 @@ void print_surroundings(const BenchReport& report) {
                 report.host.system.c_str());
     std::printf("device     %s (%s), %s\n", report.device.name.c_str(), report.device.type.c_str(),
                 report.device.driver.c_str());
-    std::printf("precision  float32\n");
+    std::printf("precision  %s\n", precision_name(report.precision));
     std::printf("roof       %.1f GFLOP/s of multiply-adds, %.2f GB/s of a copy\n",
                 report.roof.gflops, report.roof.gbs);
     std::printf("overhead   %.1f us a submission, %.2f us a dispatch\n", report.overhead.submit_us,
@@ -105,11 +104,11 @@ void print_operations(const std::vector<OperationRow>& rows) {
 }
 
 void print_models(const std::vector<ModelRow>& rows) {
-    std::printf("\n%-16s %-9s %6s %6s %9s %8s\n", "model", "size", "frames", "refine", "ms",
-                "spread");
+    std::printf("\n%-16s %-9s %6s %6s %9s %9s %8s\n", "model", "size", "frames", "refine",
+                "precision", "ms", "spread");
     for (const ModelRow& row : rows) {
-        std::printf("%-16s %-9s %6u %6u ", row.name.c_str(), row.size.c_str(), row.frames,
-                    row.refine);
+        std::printf("%-16s %-9s %6u %6u %9s ", row.name.c_str(), row.size.c_str(), row.frames,
+                    row.refine, row.precision.c_str());
         if (row.ok) {
             std::printf("%9.2f %8.2f\n", row.time.median_ms, row.time.spread_ms());
         } else {

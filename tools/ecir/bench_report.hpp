@@ -37,6 +37,7 @@ struct ModelRow {
     std::string size;
     uint32_t frames = 0;
     uint32_t refine = 0;
+    std::string precision;
     bool ok = false; ///< every value finite, the same from run to run; else nothing was timed
     Timing time;
     std::optional<StartTimes> start;
@@ -46,6 +47,7 @@ struct ModelRow {
 struct BenchReport {
     Host host;
     DeviceInfo device;
+    Precision precision = Precision::float32; ///< of the models; operations have their own
     Roof roof;
     Overhead overhead;
     std::vector<OperationRow> operations;

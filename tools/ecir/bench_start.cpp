@@ -11,6 +11,7 @@
 
 #include "runtime/error.hpp"
 #include "tools/ecir/bench_models.hpp"
+#include "tools/ecir/precision.hpp"
 #include "tools/io/event_file.hpp"
 #include "tools/io/file.hpp"
 #include "tools/io/image.hpp"
@@ -121,6 +122,9 @@ public:
                                               std::to_string(device_.index)};
         if (work_.refine) {
             arguments.insert(arguments.end(), {"--refine", std::to_string(*work_.refine)});
+        }
+        if (work_.precision != Precision::float32) {
+            arguments.insert(arguments.end(), {"--precision", precision_name(work_.precision)});
         }
         const double start = now_ms();
         run_self(std::move(arguments), folder_.path());

@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <cstdio>
 #include <filesystem>
+#include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -24,6 +25,7 @@ struct Options {
     fs::path output;
     std::vector<std::string> models;
     uint32_t most_refine = 4;
+    std::vector<Precision> precisions = {Precision::float32};
     std::string device;
     bool overwrite = false;
     bool json = false;
@@ -67,21 +69,29 @@ void run(const Options& options) {
     if (!options.output.empty()) {
         output.emplace(options.output, true, options.overwrite);
     }
-    const auto device = Device::open(options.device);
+    std::map<Precision, std::shared_ptr<Device>> devices;
+    for (const Precision precision : options.precisions) {
+        devices[precision] = open_device(options.device, precision);
+    }
+    std::vector<Precision> precisions;
+    precisions.reserve(devices.size());
+    for (const auto& [precision, device] : devices) {
+        precisions.push_back(precision);
+    }
     std::vector<std::string> models = options.models;
     if (models.empty()) {
         models = model_names();
         models.emplace_back("auto");
     }
-    auto points = chart_configurations(models, options.most_refine);
+    auto points = chart_configurations(models, options.most_refine, precisions);
     {
         Console console("configuration", points.size());
         for (size_t i = 0; i < points.size(); ++i) {
             console.progress(i);
-            measure(points[i], device, scenes);
+            measure(points[i], devices.at(points[i].precision), scenes);
         }
     }
-    const auto all = report(points, device->info(), scenes);
+    const auto all = report(points, devices.begin()->second->info(), scenes);
     if (options.json) {
         std::printf("%s\n", all.dump(2).c_str());
     } else {
@@ -122,6 +132,7 @@ void add_chart(CLI::App& app) {
                      "Chart E-CIR with 0 to so many iterations of its refinement")
         ->check(CLI::Range(1, 20))
         ->option_text("N [4]");
+    add_precision_option(*command, options->precisions, 2);
     add_device_option(*command, options->device);
     command->add_flag("--json", options->json, "Print as JSON");
     command->footer(

@@ -163,7 +163,8 @@ std::vector<ChartScene> read_chart_scenes(const fs::path& folder) {
 }
 
 std::vector<ChartPoint> chart_configurations(const std::vector<std::string>& models,
-                                             uint32_t most_refine) {
+                                             uint32_t most_refine,
+                                             const std::vector<Precision>& precisions) {
     std::vector<ChartPoint> points;
     for (const double scale : {1.0, 0.5}) {
         for (const std::string& model : models) {
@@ -177,10 +178,16 @@ std::vector<ChartPoint> chart_configurations(const std::vector<std::string>& mod
                     made.emplace_back().refine = refine;
                 }
             }
-            for (ChartPoint& point : made) {
-                point.model = model;
-                point.scale = scale;
-                points.push_back(point);
+            for (const Precision precision : precisions) {
+                for (ChartPoint& point : made) {
+                    point.model = model;
+                    point.scale = scale;
+                    point.precision = precision;
+                    points.push_back(point);
+                }
+                if (model == "edi") { // without convolutions
+                    break;
+                }
             }
         }
     }

@@ -26,13 +26,16 @@ struct ChartScene {
 std::vector<ChartScene> read_chart_scenes(const std::filesystem::path& folder);
 
 /// What there is to compare: every model, networks also without their refinement and E-CIR with 1
-/// to `most_refine` iterations, `auto` at each quality; all also at half size.
+/// to `most_refine` iterations, `auto` at each quality; networks in every precision; all also at
+/// half size.
 std::vector<ChartPoint> chart_configurations(const std::vector<std::string>& models,
-                                             uint32_t most_refine);
+                                             uint32_t most_refine,
+                                             const std::vector<Precision>& precisions);
 
 /// Fills in accuracy, time and operations over the scenes, each as a recording of its own whose
 /// thresholds, estimated once, are known when the time is taken: from image and events in host
-/// memory to frames in host memory, at the size that the point works at.
+/// memory to frames in host memory, at the size that the point works at. The device is one of the
+/// point's precision.
 void measure(ChartPoint& point, const std::shared_ptr<Device>& device,
              const std::vector<ChartScene>& scenes);
 

@@ -3,6 +3,8 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
+#include "tools/ecir/precision.hpp"
+
 namespace ecir::cli {
 
 std::string ChartPoint::name() const {
@@ -12,6 +14,9 @@ std::string ChartPoint::name() const {
     }
     if (refine) {
         text += ", refine " + std::to_string(*refine);
+    }
+    if (precision != Precision::float32) {
+        text += std::string(", ") + precision_name(precision);
     }
     if (scale != 1) {
         char share[32];
@@ -36,9 +41,16 @@ std::vector<bool> pareto_front(std::span<const ChartPoint> points, ChartValue co
 }
 
 void to_json(nlohmann::ordered_json& json, const ChartPoint& point) {
-    json = {{"name", point.name()},    {"model", point.model}, {"quality", nullptr},
-            {"refine", nullptr},       {"scale", point.scale}, {"psnr", point.psnr},
-            {"ssim", point.ssim},      {"gflop", point.gflop}, {"ms", point.ms},
+    json = {{"name", point.name()},
+            {"model", point.model},
+            {"quality", nullptr},
+            {"refine", nullptr},
+            {"precision", precision_name(point.precision)},
+            {"scale", point.scale},
+            {"psnr", point.psnr},
+            {"ssim", point.ssim},
+            {"gflop", point.gflop},
+            {"ms", point.ms},
             {"ms_most", point.ms_most}};
     if (point.quality) {
         json["quality"] = quality_name(*point.quality);
@@ -49,16 +61,16 @@ void to_json(nlohmann::ordered_json& json, const ChartPoint& point) {
 }
 
 std::string to_csv(std::span<const ChartPoint> points) {
-    std::string text = "model,quality,refine,scale,psnr_db,ssim,gflop,ms,ms_most,front\n";
+    std::string text = "model,quality,refine,precision,scale,psnr_db,ssim,gflop,ms,ms_most,front\n";
     const auto front = pareto_front(points, &ChartPoint::ms, &ChartPoint::psnr);
     for (size_t i = 0; i < points.size(); ++i) {
         const ChartPoint& point = points[i];
         char line[256];
-        std::snprintf(line, sizeof line, "%s,%s,%s,%g,%.3f,%.4f,%.4g,%.4g,%.4g,%d\n",
+        std::snprintf(line, sizeof line, "%s,%s,%s,%s,%g,%.3f,%.4f,%.4g,%.4g,%.4g,%d\n",
                       point.model.c_str(), point.quality ? quality_name(*point.quality) : "",
-                      point.refine ? std::to_string(*point.refine).c_str() : "", point.scale,
-                      point.psnr, point.ssim, point.gflop, point.ms, point.ms_most,
-                      front[i] ? 1 : 0);
+                      point.refine ? std::to_string(*point.refine).c_str() : "",
+                      precision_name(point.precision), point.scale, point.psnr, point.ssim,
+                      point.gflop, point.ms, point.ms_most, front[i] ? 1 : 0);
         text += line;
     }
     return text;

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "layers/model_family.hpp"
+#include "runtime/device.hpp"
 
 namespace ecir::cli {
 
@@ -16,6 +17,7 @@ struct ChartPoint {
     std::optional<uint32_t> refine; ///< unset: as trained
     /// Of the model `auto`, which computes only what moves; all others compute the whole image.
     std::optional<Quality> quality;
+    Precision precision = Precision::float32;
     double scale = 1; ///< of width and height (--size); results enlarged again
     double psnr = 0;  ///< dB, mean over the evaluation scenes' frames
     double ssim = 0;
@@ -23,7 +25,7 @@ struct ChartPoint {
     double ms = 0;      ///< a blurry frame in steady state, mean over the scenes
     double ms_most = 0; ///< of the slowest scene
 
-    /// "ecir, refine 2, size 1/2", "auto, balanced".
+    /// "ecir, refine 2, size 1/2", "auto, balanced", "fusion, float16".
     [[nodiscard]] std::string name() const;
 };
 

@@ -3,6 +3,8 @@
 #include <string>
 #include <vector>
 
+#include "tools/ecir/precision.hpp"
+
 namespace ecir::cli {
 
 // One subcommand a file. Each adds its options to the program; when it is chosen it runs inside
@@ -21,6 +23,25 @@ inline CLI::Option* add_device_option(CLI::App& command, std::string& device) {
     return command
         .add_option("-g,--device", device, "Its index or a part of its name (ecir devices)")
         ->option_text("DEVICE");
+}
+
+/// --precision: up to `most` values.
+inline CLI::Option* add_precision_option(CLI::App& command, std::vector<Precision>& precisions,
+                                         int most) {
+    return command
+        .add_option_function<std::vector<std::string>>(
+            "--precision",
+            [&precisions](const std::vector<std::string>& names) {
+                precisions.clear();
+                for (const std::string& name : names) {
+                    precisions.push_back(name == "float16" ? Precision::float16
+                                                           : Precision::float32);
+                }
+            },
+            "What convolutions multiply in; float16 is for GPUs, sums stay float32")
+        ->check(CLI::IsMember({"float32", "float16"}))
+        ->expected(1, most)
+        ->option_text(most > 1 ? "float32 float16 [float32]" : "float32|float16 [float32]");
 }
 
 /// `-m` of a subcommand that compares models.

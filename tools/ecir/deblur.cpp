@@ -26,6 +26,7 @@ struct Options {
     std::string regions = "on";
     std::string order = "full";
     std::string quality;
+    std::vector<Precision> precision = {Precision::float32};
 };
 
 [[noreturn]] void refuse(const std::string& what) {
@@ -90,6 +91,7 @@ DeblurJob to_job(const Options& options) {
     } else if (!options.lag.empty()) {
         job.lag = parse_time("--lag", options.lag);
     }
+    job.precision = options.precision.front();
     job.deblur.regions = options.regions == "on";
     job.deblur.ordered = options.order == "events";
     if (job.deblur.model != "auto" && (job.budget_ms || !options.quality.empty())) {
@@ -226,6 +228,7 @@ void add_method(CLI::App& command, Options& o) {
         ->check(CLI::IsMember({"on", "off"}))
         ->option_text("on|off [" + o.regions + "]")
         ->group(group);
+    add_precision_option(command, o.precision, 1)->group(group);
     add_device_option(command, o.job.device)->group(group);
 }
 

@@ -16,6 +16,7 @@
 #include "tools/ecir/frame_output.hpp"
 #include "tools/ecir/handover.hpp"
 #include "tools/ecir/model_times.hpp"
+#include "tools/ecir/precision.hpp"
 #include "tools/ecir/stopwatch.hpp"
 #include "tools/io/file.hpp"
 
@@ -87,7 +88,7 @@ public:
         }
         tell_lag();
         ExposureReader reader(job_, recording_, job_.lag.value_or(lag_.value_or(0)));
-        device_ = Device::open(job_.device);
+        device_ = open_device(job_.device, job_.precision);
         if (!job_.report.empty()) {
             report_.emplace(job_.report, job_.overwrite, device_->info().name,
                             job_.lag.value_or(lag_.value_or(0)), lag_);

@@ -23,6 +23,7 @@ struct DeblurJob {
     std::optional<PixelSize> size;
     std::optional<int64_t> lag = 0; ///< of the events behind the frames, us; none: estimate
     std::string device;
+    Precision precision = Precision::float32;
     bool overwrite = false;
 };
 

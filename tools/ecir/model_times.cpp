@@ -7,6 +7,7 @@
 #include <ranges>
 
 #include "runtime/cache_file.hpp"
+#include "tools/ecir/precision.hpp"
 #include "tools/ecir/stopwatch.hpp"
 
 namespace ecir::cli {
@@ -49,7 +50,10 @@ ModelTimes::ModelTimes(std::shared_ptr<Device> device)
 }
 
 double ModelTimes::ms(const ModelCase& work) {
-    const std::string key = key_of(work);
+    std::string key = key_of(work);
+    if (device_->precision() != Precision::float32) {
+        key += std::string(", ") + precision_name(device_->precision());
+    }
     const auto found = known_.find(key);
     if (found != known_.end()) {
         return found->second;

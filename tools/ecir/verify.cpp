@@ -26,6 +26,13 @@ void run(const Options& options) {
                     device->info().driver.c_str());
     }
     for (const Operation* operation : chosen) {
+        if (!runs_on(*operation, device->info())) {
+            if (!options.json) {
+                std::printf("left out %s, which needs float16\n",
+                            std::string(operation->name).c_str());
+            }
+            continue;
+        }
         for (uint32_t trial = 0; trial < operation->trials; ++trial) {
             const TrialResult result = run_trial(*operation, *device, trial);
             failed += result.ok ? 0 : 1;
