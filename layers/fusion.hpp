@@ -1,6 +1,5 @@
 #pragma once
 #include <memory>
-#include <optional>
 
 #include "layers/fusion_network.hpp"
 #include "layers/method.hpp"
@@ -8,8 +7,7 @@
 namespace ecir {
 
 /// Sharp frames by the fusion network: frames of the event-driven prior, brought together along
-/// estimated motion and corrected. Where the weights hold a coarse network too (`fusion.coarse.*`),
-/// that corrects the prior at the anchors first, and what is brought together are its frames.
+/// estimated motion and corrected.
 class FusionMethod : public Method {
 public:
     /// `correct`: false for the prior alone. Throws Error(bad_input) for weights that are not such
@@ -27,20 +25,9 @@ public:
 
 private:
     /// On the device.
-    struct Network {
+    struct Networks {
         FusionTrunk trunk;
         FusionHead head;
-    };
-    struct Networks {
-        std::optional<Network> coarse;
-        Network fine;
-    };
-    /// Of an exposure.
-    struct Recorded {
-        PriorInput input;
-        PriorExposure exposure;
-        Tensor moved;             ///< motion_layout()
-        Tensor velocity_channels; ///< velocity_layout()
     };
     static std::shared_ptr<const Networks> load(Device& device, const SafeTensors& weights);
     FusionMethod(std::shared_ptr<Device> device, std::shared_ptr<const Networks> networks,
@@ -48,8 +35,8 @@ private:
     void record(Program& program, uint32_t frames, uint32_t capacity);
     void record_prior_frames(Program& program, const PriorInput& input,
                              const PriorExposure& exposure) const;
-    void record_corrected_frames(Program& program, const Network& network, const Recorded& recorded,
-                                 const Tensor& instants, const Tensor& frames) const;
+    void record_corrected_frames(Program& program, const PriorInput& input,
+                                 const PriorExposure& exposure) const;
 
     std::shared_ptr<Device> device_;
     std::shared_ptr<const Networks> networks_;

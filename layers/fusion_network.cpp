@@ -34,6 +34,13 @@ void read_widths(const SafeTensors& weights, const std::string& key, std::span<u
     }
 }
 
+/// One family for the whole network: parts hand their tensors to one another.
+ConvFamily network_family(const DeviceInfo& info, const FusionWidths& widths) {
+    std::vector<uint32_t> channels(widths.trunk.begin(), widths.trunk.end());
+    channels.insert(channels.end(), widths.head.begin(), widths.head.end());
+    return row_family(info, channels);
+}
+
 /// Images that a first convolution reads, and other kernels read and write plane by plane.
 Layout image_layout(const DeviceInfo& info, ConvFamily family, uint32_t channels, uint32_t height,
                     uint32_t width, uint32_t halo) {
@@ -48,18 +55,16 @@ Layout mixed_layout(const DeviceInfo& info, ConvFamily family, uint32_t channels
             family == ConvFamily::row ? 1 : channel_block(info)};
 }
 
-/// Makes convolutions from the tensors of a weights file whose names begin with `prefix`, into a
-/// table.
+/// Makes convolutions from the tensors `fusion.*` of a weights file, into a table.
 struct Loader {
     Device& device;
     const SafeTensors& weights;
-    const std::string& prefix;
     ConvTable& table;
     ConvFamily family;
 
     [[nodiscard]] const std::vector<float>& get(const std::string& name,
                                                 const std::vector<uint32_t>& shape) const {
-        return weights.get(prefix + name, shape);
+        return weights.get("fusion." + name, shape);
     }
     /// inputs: channels of each input tensor.
     void add(const std::string& name, const std::vector<uint32_t>& inputs, const ConvDesc& desc,
@@ -126,18 +131,9 @@ void record_residual(Program& program, const ConvTable& convs, const std::string
 
 } // namespace
 
-FusionWidths::FusionWidths(const SafeTensors& weights, const std::string& prefix) {
-    read_widths(weights, prefix + "trunk", trunk);
-    read_widths(weights, prefix + "head", head);
-}
-
-ConvFamily fusion_family(const DeviceInfo& info, std::span<const FusionWidths> networks) {
-    std::vector<uint32_t> channels;
-    for (const FusionWidths& widths : networks) {
-        channels.insert(channels.end(), widths.trunk.begin(), widths.trunk.end());
-        channels.insert(channels.end(), widths.head.begin(), widths.head.end());
-    }
-    return row_family(info, channels);
+FusionWidths::FusionWidths(const SafeTensors& weights) {
+    read_widths(weights, "trunk", trunk);
+    read_widths(weights, "head", head);
 }
 
 Tensor cleared(Program& program, const Layout& layout) {
@@ -146,11 +142,10 @@ Tensor cleared(Program& program, const Layout& layout) {
     return tensor;
 }
 
-FusionTrunk::FusionTrunk(Device& device, const SafeTensors& weights, const std::string& prefix,
-                         const FusionWidths& widths, ConvFamily family)
-    : widths_(widths), family_(family) {
+FusionTrunk::FusionTrunk(Device& device, const SafeTensors& weights, const FusionWidths& widths)
+    : widths_(widths), family_(network_family(device.info(), widths)) {
     const auto [a, b, c, d] = widths.trunk;
-    Loader load{device, weights, prefix, convs_, family_};
+    Loader load{device, weights, convs_, family_};
     load.down("trunk.down1", {anchor_count, anchor_count}, a); // anchors; blurry frame and counts
     load.down("trunk.down2", {a}, b);
     load.residual("trunk.res2", b);
@@ -219,15 +214,14 @@ Tensor FusionTrunk::record(Program& program, const PriorExposure& exposure,
     return features;
 }
 
-FusionHead::FusionHead(Device& device, const SafeTensors& weights, const std::string& prefix,
-                       const FusionWidths& widths, ConvFamily family)
-    : widths_(widths), family_(family),
+FusionHead::FusionHead(Device& device, const SafeTensors& weights, const FusionWidths& widths)
+    : widths_(widths), family_(network_family(device.info(), widths)),
       end_(device, plane_count, widths.head[0],
-           weights.get(prefix + "head.skip.weight", {widths.head[0], plane_count, 3, 3}),
-           weights.get(prefix + "head.out.weight", {1, widths.head[0], 3, 3}),
-           weights.get(prefix + "head.out.bias", {1}).front()) {
+           weights.get("fusion.head.skip.weight", {widths.head[0], plane_count, 3, 3}),
+           weights.get("fusion.head.out.weight", {1, widths.head[0], 3, 3}),
+           weights.get("fusion.head.out.bias", {1}).front()) {
     const auto [a, b, c] = widths.head;
-    Loader load{device, weights, prefix, convs_, family_};
+    Loader load{device, weights, convs_, family_};
     load.down("head.down1", {plane_count}, b, 5);
     load.down("head.down2", {b}, c);
     load.residual("head.res2", c);

@@ -17,13 +17,9 @@ struct FusionWidths {
     std::array<uint32_t, 4> trunk{}; ///< at 1/2, 1/4, 1/8 and 1/16 of the size
     std::array<uint32_t, 3> head{};  ///< at the full size, at 1/2 and 1/4
 
-    /// prefix: of the metadata's names. Throws Error(bad_input) for metadata that is missing or out
-    /// of range.
-    explicit FusionWidths(const SafeTensors& weights, const std::string& prefix = "");
+    /// Throws Error(bad_input) for metadata that is missing or out of range.
+    explicit FusionWidths(const SafeTensors& weights);
 };
-
-/// One family for networks that hand their tensors to one another.
-ConvFamily fusion_family(const DeviceInfo& info, std::span<const FusionWidths> networks);
 
 /// A tensor that convolutions read, with zeros around it.
 Tensor cleared(Program& program, const Layout& layout);
@@ -34,9 +30,7 @@ using ConvTable = std::map<std::string, Conv>;
 /// Once an exposure: features for the head.
 class FusionTrunk {
 public:
-    /// prefix: of the tensors' names, for example "fusion.".
-    FusionTrunk(Device& device, const SafeTensors& weights, const std::string& prefix,
-                const FusionWidths& widths, ConvFamily family);
+    FusionTrunk(Device& device, const SafeTensors& weights, const FusionWidths& widths);
 
     /// Layouts of record_prior()'s anchors and context, and of record_motion()'s channels, whose
     /// halos are zeros.
@@ -58,8 +52,7 @@ private:
 /// Once a wanted time: the prior, corrected.
 class FusionHead {
 public:
-    FusionHead(Device& device, const SafeTensors& weights, const std::string& prefix,
-               const FusionWidths& widths, ConvFamily family);
+    FusionHead(Device& device, const SafeTensors& weights, const FusionWidths& widths);
 
     /// Tensors of one frame, of which all frames of a program make use in turn.
     struct Tensors {

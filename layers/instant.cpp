@@ -26,14 +26,6 @@ Instant::Instant(double normalised) : time(static_cast<float>(normalised)) {
     }
 }
 
-std::array<double, anchor_count> anchor_times() {
-    std::array<double, anchor_count> times{};
-    for (uint32_t i = 0; i < anchor_count; ++i) {
-        times.at(i) = 2.0 * i / (anchor_count - 1) - 1;
-    }
-    return times;
-}
-
 std::vector<Instant> make_instants(std::span<const double> times) {
     return {times.begin(), times.end()};
 }

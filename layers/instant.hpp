@@ -26,9 +26,6 @@ struct Instant {
 };
 static_assert(sizeof(Instant) == 64);
 
-/// Normalised times of the anchors.
-std::array<double, anchor_count> anchor_times();
-
 /// Of the tensor of `count` instants, a channel each.
 inline Layout instant_layout(uint32_t count) {
     return {count, 1, sizeof(Instant) / 4};

@@ -23,7 +23,7 @@ namespace {
 struct FusionFixture : Fixture {
     EdiThresholds thresholds;
 
-    explicit FusionFixture(const std::string& name = "fusion-61x45") : Fixture(name) {
+    FusionFixture() : Fixture("fusion-61x45") {
         const auto& exact = file.get("input.times").values;
         times.assign(exact.begin(), exact.end());
         const auto& both = file.get("input.thresholds", {2});
@@ -45,16 +45,9 @@ struct FusionFixture : Fixture {
 } // namespace
 
 TEST_SUITE("fusion") {
-    TEST_CASE("the whole method, with a coarse network or not, agrees with PyTorch within 1e-4") {
+    TEST_CASE("the whole method agrees with PyTorch within 1e-4") {
         const auto device = Device::open();
-        std::string name;
-        SUBCASE("alone") {
-            name = "fusion-61x45";
-        }
-        SUBCASE("with a coarse network") {
-            name = "fusion-coarse-61x45";
-        }
-        const FusionFixture fixture(name);
+        const FusionFixture fixture;
         FusionMethod method(device, fixture.file, fixture.height, fixture.width);
         const double difference =
             fixture.difference(method.frames(fixture.input()), "output.frames", 1);

@@ -9,7 +9,6 @@ from math import ceil, prod
 from methods import FRAMES, BenchmarkError, read_header
 
 ESL_ROUNDS = 25
-FUSION_ANCHORS = 9
 
 
 def _ecir_rules(metadata, frames, refined):
@@ -27,11 +26,10 @@ def _esl_rules(_metadata, frames, _refined):
 
 
 def _fusion_rules(_metadata, frames, _refined):
-    """By the modules of tools/train/fusion.py; the coarse network's head has frames at the anchors."""
+    """By the modules of tools/train/fusion.py."""
     trunk = {2: "down1", 4: "down2|res2|res7|feature", 8: "down3|res3|motion|res6|up2", 16: "down4|res4|res5|up3"}
     head = {1: "skip|out", 2: "down1|res1|up0", 4: "down2|res2|res3|up1"}
     return ([(rf"trunk\.({layers})\.", side, 1) for side, layers in trunk.items()]
-            + [(rf"coarse\.head\.({layers})\.", side, FUSION_ANCHORS) for side, layers in head.items()]
             + [(rf"head\.({layers})\.", side, frames) for side, layers in head.items()])
 
 

@@ -176,17 +176,12 @@ def trajectories(moved, times, height, width):
 
 
 class Fusion(nn.Module):
-    """Trunk and head; widths of the trunk at 1/2, 1/4, 1/8, 1/16 of the resolution, of the head at 1, 1/2, 1/4.
+    """Trunk and head; widths of the trunk at 1/2, 1/4, 1/8, 1/16 of the resolution, of the head at 1, 1/2, 1/4."""
 
-    coarse: widths (trunk, head) of a smaller network whose frames at the anchors stand for the prior's
-    there (sharpened()): refinement across time. It is trained beforehand and kept as it is.
-    """
-
-    def __init__(self, trunk=(32, 64, 96, 128), head=(16, 32, 48), coarse=None):
+    def __init__(self, trunk=(32, 64, 96, 128), head=(16, 32, 48)):
         super().__init__()
         self.widths = (tuple(trunk), tuple(head))
         self.trunk, self.head = Trunk(trunk, head[2]), Head(head)
-        self.coarse = Fusion(*coarse).requires_grad_(False) if coarse else None
         with torch.no_grad():   # start from the prior as it is
             self.head.out.weight.mul_(0.1)
             self.head.out.bias.zero_()
@@ -218,16 +213,10 @@ class Fusion(nn.Module):
         mixed = (feature * basis.to(feature.dtype)[:, :, None, None, None]).sum(1)
         return planes[:, :1] + self.head(planes, mixed)
 
-    def sharpened(self, exposure, surfaces):
-        """The exposure with the coarse network's frames at the anchors; surfaces N x 9 x 4 x H x W there."""
-        anchors, blurry, counts, moved = exposure
-        times = torch.linspace(-1, 1, ANCHORS, dtype=anchors.dtype, device=anchors.device).expand(len(anchors), -1)
-        return self.coarse(exposure, anchors, surfaces, times), blurry, counts, moved
-
     def forward(self, exposure, prior, surfaces, times, mixed=False):
         """Frames N x T x H x W at times [N, T].
 
-        exposure, sharpened() where there is a coarse network: anchors N x 9 x H x W, blurry N x 1, counts N x 8, moved N x 8 x 2 x cells. prior:
+        exposure: anchors N x 9 x H x W, blurry N x 1, counts N x 8, moved N x 8 x 2 x cells. prior:
         N x T x H x W; surfaces: N x T x 4 x H x W, already times the thresholds. mixed: convolutions in
         bfloat16, everything else in float32.
         """

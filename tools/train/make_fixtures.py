@@ -181,21 +181,19 @@ def write_esl_case(path, width, height, count, seed):
 
 
 def fusion_inputs(blurry, t, x, y, p, times, thresholds):
-    """Arguments of the fusion network's forward() for one exposure, and the surfaces at the anchors, float64."""
+    """Arguments of the fusion network's forward() for one exposure, float64."""
     prior = Prior(normalise(t, 0, EXPOSURE_US), x, y, p, blurry.shape, thresholds)
     fine = prior.frames(blurry, motion.TIMES)
-
-    def surfaces(at):
-        found = np.stack([prior.surfaces(time) for time in at]).astype(np.float64)
-        return found * np.where(found > 0, *thresholds)
+    surfaces = np.stack([prior.surfaces(time) for time in times]).astype(np.float64)
+    surfaces *= np.where(surfaces > 0, *thresholds)
     exposure = (fine[::motion.WINDOWS // (len(motion.ANCHORS) - 1)], blurry[None],
                 np.minimum(prior.counts(motion.ANCHORS), 255), motion.estimate(fine))
-    arrays = (*exposure, prior.frames(blurry, times), surfaces(times), np.asarray(times), surfaces(motion.ANCHORS))
+    arrays = (*exposure, prior.frames(blurry, times), surfaces, np.asarray(times))
     tensors = [torch.from_numpy(np.array(a, np.float64))[None] for a in arrays]
-    return (tuple(tensors[:4]), *tensors[4:7]), tensors[7]
+    return tuple(tensors[:4]), *tensors[4:]
 
 
-def scaled_fusion(rng, trunk, head, inputs, coarse=None):
+def scaled_fusion(rng, trunk, head, inputs):
     """Random fusion network (half-precision weights) whose correction is visible and of order one."""
     torch.manual_seed(int(rng.integers(1 << 31)))
     net = Fusion(trunk, head).double().eval()
@@ -207,26 +205,23 @@ def scaled_fusion(rng, trunk, head, inputs, coarse=None):
         net.head.out.bias.fill_(0.05)
         for value in net.parameters():
             value.copy_(value.half().double())
-    net.coarse = coarse
     return net
 
 
-def write_fusion_case(path, width, height, widths, seed, coarse_widths=None):
+def write_fusion_case(path, width, height, trunk, head, seed):
     """Writes one case of the fusion network, every pixel of it; returns the events, the mean changes by
-    the trunk, by the head and by the coarse network, and the largest displacement."""
+    the trunk and by the head, and the largest displacement."""
     rng = np.random.default_rng(seed)
     photo = Photos([synthetic_blurry(rng, 2 * height, 2 * width).astype(np.float32)])
     scene = make_scene(photo, seed, 0, (height, width), 14.0)
     blurry = (scene.blurry / 255.0).astype(np.float32)
     times = np.float32([-1, 0.3, 0.875]).astype(np.float64)     # the last is half-way between two anchors
     thresholds = np.float32([1.1 * scene.sensor.positive, 1.05 * scene.sensor.negative]).astype(np.float64)
-    inputs, surfaces = fusion_inputs(blurry, scene.t, scene.x, scene.y, scene.p, times, thresholds)
-    coarse = scaled_fusion(rng, *coarse_widths, inputs) if coarse_widths else None
-    net = scaled_fusion(rng, *widths, inputs, coarse)
+    inputs = fusion_inputs(blurry, scene.t, scene.x, scene.y, scene.p, times, thresholds)
+    net = scaled_fusion(rng, trunk, head, inputs)
     with torch.no_grad():
-        single = net(*inputs)
-        exposure = net.sharpened(inputs[0], surfaces) if coarse else inputs[0]
-        frames = net(exposure, *inputs[1:])
+        frames = net(*inputs)
+        exposure = inputs[0]
         still = net((*exposure[:3], 0 * exposure[3]), *inputs[1:])
     tensors, metadata = export_fusion(net, np.float16, "none: random reference case")
     more = {"input.blurry": blurry, "input.t": scene.t, "input.x": scene.x, "input.y": scene.y,
@@ -237,8 +232,7 @@ def write_fusion_case(path, width, height, widths, seed, coarse_widths=None):
     tensors.update({name: np.asarray(value, np.float16 if name in half else np.float32)
                     for name, value in more.items()})
     write_safetensors(path, tensors, metadata)
-    return len(scene.t), *((frames - other).abs().mean() for other in (still, inputs[1], single)), \
-        exposure[3].abs().max()
+    return len(scene.t), (frames - still).abs().mean(), (frames - inputs[1]).abs().mean(), exposure[3].abs().max()
 
 
 def main():
@@ -260,12 +254,10 @@ def main():
     spread, peak = write_esl_case(path, 41, 29, 1500, 10)
     print(f"{path}: {os.path.getsize(path)} bytes, mean change between frames {spread.min():.3f} "
           f"to {spread.max():.3f}, largest value {peak:.2f}")
-    widths, coarse = ((16, 16, 20, 24), (12, 16, 20)), ((8, 8, 12, 16), (4, 8, 12))
-    for name, more in (("fusion", ()), ("fusion-coarse", (coarse,))):
-        path = os.path.join(args.output, f"{name}-61x45.safetensors")
-        events, moved, corrected, refined, speed = write_fusion_case(path, 61, 45, widths, 11, *more)
-        print(f"{path}: {os.path.getsize(path)} bytes, {events} events, mean change by the motion {moved:.3f}, "
-              f"by the head {corrected:.3f}, by the coarse network {refined:.3f}, furthest {speed:.1f} pixels a gap")
+    path = os.path.join(args.output, "fusion-61x45.safetensors")
+    events, moved, corrected, furthest = write_fusion_case(path, 61, 45, (16, 16, 20, 24), (12, 16, 20), 11)
+    print(f"{path}: {os.path.getsize(path)} bytes, {events} events, mean change by the motion {moved:.3f}, "
+          f"by the head {corrected:.3f}, furthest {furthest:.1f} pixels a gap")
 
 
 if __name__ == "__main__":

@@ -11,7 +11,6 @@ import torch
 
 import motion
 from events import histogram, keypoints, normalise, unet_edges
-from fusion import Fusion
 from model import PAPER, spread_keypoints
 from prior import Prior
 from scenes import load_photos
@@ -50,28 +49,8 @@ def assumed_thresholds(rng, sensor):
     return np.array([sensor.positive * size * apart, sensor.negative * size / apart], np.float32)
 
 
-def load_fusion(path):
-    """The fusion network of a checkpoint, averaged weights."""
-    state = torch.load(path, map_location="cpu")
-    model = Fusion(**state["config"])
-    model.load_state_dict(state["average"])
-    return model.eval()
-
-
-def coarse_frames(network, scene, surfaces):
-    """Frames [9, H, W] at the anchors by a network, from the arrays of fusion_arrays() and the surfaces
-    [9, 4, H, W] there."""
-    thresholds = scene["thresholds"][:, None, None]
-    arrays = (scene["anchors"], scene["blurry"] / 255, scene["counts"], scene["moved"],
-              surfaces * np.where(surfaces > 0, *thresholds), motion.ANCHORS)
-    *exposure, surfaces, times = (torch.from_numpy(np.asarray(array, np.float32))[None] for array in arrays)
-    with torch.no_grad():
-        return network(exposure, exposure[0], surfaces, times)[0].numpy()
-
-
-def fusion_arrays(source, seed, index, size, travel=None, even=False, coarse=None):
-    """Arrays of the fusion network for one scene; even: frames at the anchors, not at random times; coarse: a
-    network whose frames at the anchors are packed in place of the prior's."""
+def fusion_arrays(source, seed, index, size, travel=None, even=False):
+    """Arrays of the fusion network for one scene; even: frames at the anchors, not at random times."""
     rng = np.random.default_rng([seed, index, 3])
     times = motion.ANCHORS if even else np.sort(np.where(
         rng.random(TARGETS) < 0.12, np.sign(rng.uniform(-1, 1, TARGETS)), rng.uniform(-1, 1, TARGETS)))
@@ -84,16 +63,12 @@ def fusion_arrays(source, seed, index, size, travel=None, even=False, coarse=Non
     noise = np.where((scene.blurry > 1) & (scene.blurry < 251), blurry - scene.mean, 0)
     truth = quantise(scene.truth / 255.0 + noise)
     anchors = fine[::motion.WINDOWS // (len(motion.ANCHORS) - 1)]
-    arrays = {"blurry": scene.blurry[None], "truth": truth, "times": times.astype(np.float32),
-              "thresholds": thresholds, "anchors": anchors.astype(np.float16),
-              "prior": prior.frames(blurry, times).astype(np.float16),
-              "surfaces": np.stack([np.round(prior.surfaces(time) * 127) for time in times]).astype(np.int8),
-              "counts": np.minimum(prior.counts(motion.ANCHORS), 255).astype(np.uint8),
-              "moved": motion.estimate(fine).astype(np.float16)}
-    if coarse:
-        surfaces = np.stack([prior.surfaces(time) for time in motion.ANCHORS])
-        arrays["anchors"] = coarse_frames(coarse, arrays, surfaces).astype(np.float16)
-    return arrays
+    return {"blurry": scene.blurry[None], "truth": truth, "times": times.astype(np.float32),
+            "thresholds": thresholds, "anchors": anchors.astype(np.float16),
+            "prior": prior.frames(blurry, times).astype(np.float16),
+            "surfaces": np.stack([np.round(prior.surfaces(time) * 127) for time in times]).astype(np.int8),
+            "counts": np.minimum(prior.counts(motion.ANCHORS), 255).astype(np.uint8),
+            "moved": motion.estimate(fine).astype(np.float16)}
 
 
 def build_shard(make, source, folder, seed, first, count, size):
@@ -155,15 +130,12 @@ def main():
     parser.add_argument("--travel", type=float, nargs=2, metavar=("LOW", "HIGH"), help="pixels; default: 3 to 100")
     parser.add_argument("--even", action="store_true",
                         help="fusion: frames at the nine anchors, for the loss on their mean (train.py --even)")
-    parser.add_argument("--coarse", metavar="CHECKPOINT",
-                        help="fusion: a network whose frames at the anchors the next one sees (train.py --coarse)")
     args = parser.parse_args()
     if args.scenes < 1 or args.shard < 1 or args.side < 32 or args.side % 16:
         parser.error("--scenes and --shard must be at least 1, --side a multiple of 16 and at least 32")
     source = load_photos(args.images) if args.images else Videos(args.videos)
     size = (args.side, args.side) if args.images else (180, 240)
-    coarse = load_fusion(args.coarse) if args.coarse else None
-    network = curve_arrays if args.network == "ecir" else partial(fusion_arrays, even=args.even, coarse=coarse)
+    network = curve_arrays if args.network == "ecir" else partial(fusion_arrays, even=args.even)
 
     def make(source, seed, index, size):
         rng = np.random.default_rng([seed, index, 1])

@@ -3,7 +3,7 @@ import numpy as np
 import torch
 
 from fusion import ANCHORS, Fusion
-from training import load_checkpoint, psnr
+from training import psnr
 
 WEIGHTS = {"frames": 10.0, "log": 0.3, "mean": 250.0}
 LARGEST_GRADIENT = 2.0
@@ -15,11 +15,7 @@ SATURATED = 0.97    # blurry values from here on may be less than the mean
 
 def config(args):
     trunk, head = SIZES[args.size]
-    settings = {"trunk": trunk, "head": head}
-    if args.coarse:
-        coarse = load_checkpoint(args.coarse, "cpu")["config"]
-        settings["coarse"] = (coarse["trunk"], coarse["head"])
-    return settings
+    return {"trunk": trunk, "head": head}
 
 
 def build(settings):
@@ -110,7 +106,6 @@ def export(model, dtype, text):
     """Tensors and metadata of the exported file."""
     tensors = {"fusion." + name: value.detach().cpu().numpy().astype(dtype)
                for name, value in model.state_dict().items()}
-    networks = {"": model, "coarse_": model.coarse} if model.coarse else {"": model}
-    widths = {prefix + part: " ".join(map(str, part_widths)) for prefix, network in networks.items()
-              for part, part_widths in zip(("trunk", "head"), network.widths)}
-    return tensors, {"model": "fusion", **widths, "training": text}
+    trunk, head = model.widths
+    return tensors, {"model": "fusion", "trunk": " ".join(map(str, trunk)), "head": " ".join(map(str, head)),
+                     "training": text}

@@ -22,8 +22,6 @@ def parse():
     parser.add_argument("--minutes", type=float, default=60, help="whole training time, resumed runs included")
     parser.add_argument("--steps", type=int, help="end after so many steps, and let the schedule follow them")
     parser.add_argument("--size", choices=sorted(task_fusion.SIZES), default="base", help="of the fusion network")
-    parser.add_argument("--coarse", metavar="CHECKPOINT",
-                        help="fusion: the network whose frames pack.py --coarse put at the anchors; becomes part of this one")
     parser.add_argument("--width", type=int, default=32, help="of the E-CIR network")
     parser.add_argument("--inputs", choices=("both", "events", "frame"), default="both",
                         help="what E-CIR's U-Net sees (ablation)")
@@ -44,8 +42,6 @@ def parse():
     args = parser.parse_args()
     if args.minutes <= 0 or args.batch < 2 or args.rate <= 0:
         parser.error("--minutes and --rate must be positive, --batch at least 2")
-    if args.coarse and args.network != "fusion":
-        parser.error("--coarse is for the fusion network")
     if args.paper and args.network != "ecir":
         parser.error("--paper is the schedule of the E-CIR network's paper; the fusion network has one of its own")
     return args

@@ -83,8 +83,6 @@ class Trainer:
             own = self.model.state_dict()
             own.update({k: v for k, v in have.items() if k in own and own[k].shape == v.shape})
             self.model.load_state_dict(own)
-        if args.coarse and not state:
-            self.model.coarse.load_state_dict(load_checkpoint(args.coarse, args.device)["average"])
         self.average = Average(self.model)
         if state:
             self.average.state = state["average"]
