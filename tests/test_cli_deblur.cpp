@@ -357,11 +357,11 @@ TEST_SUITE("cli deblur") {
         const Arguments few{"--frames", "2", "--threshold", "0.2"};
         must(scene.deblur(scene.result("fast"),
                           Arguments{"--quality", "fast", "--report", file} + few));
-        CHECK(nlohmann::json::parse(get(file))["exposures"][0]["model"] == "fusion-small");
+        CHECK(nlohmann::json::parse(get(file))["exposures"][0]["model"] == "fusion-tiny");
         const Outcome cheap = must(
             scene.deblur(scene.result("cheap"),
                          Arguments{"--budget", "0.001", "--report", file, "--overwrite"} + few));
-        CHECK(nlohmann::json::parse(get(file))["exposures"][0]["model"] == "fusion-small");
+        CHECK(nlohmann::json::parse(get(file))["exposures"][0]["model"] == "fusion-tiny");
         CHECK(cheap.err.find("over the budget") != std::string::npos);
         const Outcome rich =
             must(scene.deblur(scene.result("rich"), Arguments{"--budget", "1e8"} + few));

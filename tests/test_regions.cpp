@@ -218,7 +218,7 @@ TEST_SUITE("regions") {
             CHECK(all.active_share() == part.active_share());
             CHECK(all.thresholds() == part.thresholds());
             const double difference = 255 * largest_difference(frames, whole);
-            MESSAGE(model, ": largest difference ", difference, " grey levels");
+            MESSAGE(std::string(model), ": largest difference ", difference, " grey levels");
             CHECK(difference < 0.1);
             // It did something, and nothing far away.
             CHECK(largest_difference(frames, scene.blurry) > 0.1);

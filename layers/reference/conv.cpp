@@ -259,8 +259,8 @@ Trial conv_pair_trial(Device& device, uint32_t index) {
     };
     // One slice and several, some of them inside a block of the start, hidden channels that do not
     // fill the kernel's groups, several tiles of the sum, and more inputs than the kernel takes.
-    // The last four: as in `fusion`, `fusion-small` and `ecir`.
-    constexpr std::array<Shape, 12> kShapes = {{{9, 32, 5, 23, false},
+    // The last five: as in the fusion networks and `ecir`.
+    constexpr std::array<Shape, 13> kShapes = {{{9, 32, 5, 23, false},
                                                 {1, 5, 1, 1, true},
                                                 {3, 8, 1, 9, false},
                                                 {2, 6, 7, 1, true},
@@ -270,6 +270,7 @@ Trial conv_pair_trial(Device& device, uint32_t index) {
                                                 {33, 8, 3, 5, true},
                                                 {16, 16, 180, 240, true},
                                                 {16, 8, 180, 240, true},
+                                                {16, 4, 180, 240, true},
                                                 {9, 32, 180, 240, false},
                                                 {1, 32, 180, 240, false}}};
     const auto [channels, hidden, height, width, terms] = kShapes.at(index);
