@@ -8,8 +8,8 @@ import matplotlib.pyplot as plt     # noqa: E402 (after the choice of the back e
 
 from report import robust_label     # noqa: E402
 
-COLOURS = ("#888888", "#e69f00", "#b35900", "#009e73", "#56b4e9", "#0072b2", "#cc3377", "#000000")
-MARKERS = "sDv^<oP*"
+COLOURS = ("#888888", "#e69f00", "#b35900", "#009e73", "#56b4e9", "#0072b2", "#cc3377", "#000000", "#7b5cc4")
+MARKERS = "sDv^<oP*X"
 LABELS = {"psnr": "PSNR, dB", "ssim": "SSIM"}
 
 
