@@ -55,10 +55,12 @@ std::vector<double> trajectory(std::span<const float> moved, double time, uint32
     const auto gap_moved = [&](size_t gap, const Vector& p, double ahead) {
         return moved_at(gap, plus(p, ahead, moved_at(gap, p)));
     };
-    std::vector<double> away(2 * anchor_count * plane);
+    std::vector<double> away(2 * size_t{anchor_count} * plane);
     for (size_t at = 0; at < plane; ++at) {
-        const Vector centre = {static_cast<double>(at % columns) * cell + (cell - 1) / 2,
-                               static_cast<double>(at / columns) * cell + (cell - 1) / 2};
+        const size_t row = at / columns;
+        const size_t column = at % columns;
+        const Vector centre = {static_cast<double>(column) * cell + (cell - 1) / 2,
+                               static_cast<double>(row) * cell + (cell - 1) / 2};
         const auto set = [&](size_t anchor, const Vector& p) {
             away[2 * anchor * plane + at] = p[0] - centre[0];
             away[(2 * anchor + 1) * plane + at] = p[1] - centre[1];
