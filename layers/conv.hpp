@@ -25,11 +25,6 @@ constexpr uint64_t kConvUniformSlice =
 /// would run.
 ConvFamily conv_family(const DeviceInfo& info);
 
-/// 16-bit storage and arithmetic, which the float16 kernels of the tile family take.
-inline bool has_float16(const DeviceInfo& info) {
-    return info.float16 && info.storage16;
-}
-
 /// Throws Error(usage) where a device's convolutions do not know a precision: float16 is of the
 /// tile family, on devices that has_float16().
 void check_precision(const DeviceInfo& info, Precision precision);

@@ -63,15 +63,19 @@ double basis(const std::vector<float>& nodes, size_t k, double x) {
     return product;
 }
 
-double legendre(uint32_t j, double x) {
-    double before = 0;
+/// The Legendre polynomial of a degree at x, and the one of a degree less.
+struct Legendre {
     double value = 1;
-    for (uint32_t k = 1; k <= j; ++k) {
-        const double next = ((2.0 * k - 1) * x * value - (k - 1.0) * before) / k;
-        before = value;
-        value = next;
+    double before = 0;
+};
+
+Legendre legendre(uint32_t degree, double x) {
+    Legendre found;
+    for (uint32_t k = 1; k <= degree; ++k) {
+        const double next = ((2.0 * k - 1) * x * found.value - (k - 1.0) * found.before) / k;
+        found = {next, found.value};
     }
-    return value;
+    return found;
 }
 
 void check_time(double time) {
@@ -90,13 +94,7 @@ Quadrature gauss_legendre(uint32_t count) {
         double x = -std::cos(std::numbers::pi * (i + 0.75) / (count + 0.5));
         double slope = 1;
         for (int iteration = 0; iteration < 8; ++iteration) {
-            double before = 0;
-            double value = 1;
-            for (uint32_t k = 1; k <= count; ++k) {
-                const double next = ((2.0 * k - 1) * x * value - (k - 1.0) * before) / k;
-                before = value;
-                value = next;
-            }
+            const auto [value, before] = legendre(count, x);
             slope = count * (before - x * value) / (1 - x * x);
             x -= value / slope;
         }
@@ -149,7 +147,7 @@ std::vector<float> curve_series(uint32_t n, std::span<const double> times) {
             double share = 0;
             for (uint32_t q = 0; q < n; ++q) {
                 const double x = rule.nodes[q];
-                share += (j + 0.5) * rule.weights[q] * legendre(j, x) * basis(nodes, k, x);
+                share += (j + 0.5) * rule.weights[q] * legendre(j, x).value * basis(nodes, k, x);
             }
             series.push_back(static_cast<float>(share));
         }
@@ -159,7 +157,8 @@ std::vector<float> curve_series(uint32_t n, std::span<const double> times) {
         for (uint32_t j = 0; j < n; ++j) {
             // (2 j + 1) P_j is the slope of P_{j+1} - P_{j-1}, which is 0 at -1; of these only P_0
             // has a mean.
-            const double rise = j == 0 ? time : legendre(j + 1, time) - legendre(j - 1, time);
+            const double rise =
+                j == 0 ? time : legendre(j + 1, time).value - legendre(j - 1, time).value;
             const double mean = j == 1 ? -1.0 : 0;
             series.push_back(static_cast<float>((rise - mean) / (2.0 * j + 1)));
         }

@@ -102,13 +102,11 @@ void EcirMethod::record(Program& program, uint32_t frames, uint32_t capacity) {
     output_ = program.output({frames, height_, width_});
 
     const Tensor histogram =
-        program.temporary({config_.bins, height_, width_, block, UNet::kInputHalo});
-    program.clear(histogram);
+        program.cleared({config_.bins, height_, width_, block, UNet::kInputHalo});
     record_event_histogram(program, events_.offset, events_.mark, events_.positives,
                            input_intervals_, histogram);
 
-    const Tensor keypoints = program.temporary({n, height_, width_, block, UNet::kInputHalo});
-    program.clear(keypoints);
+    const Tensor keypoints = program.cleared({n, height_, width_, block, UNet::kInputHalo});
     record_keypoints(program, events_.offset, events_.time, events_.tick, rule_, keypoints, 0, n);
 
     const Tensor derivatives = networks_->unet.record(program, blurry_, histogram, keypoints);
@@ -117,10 +115,7 @@ void EcirMethod::record(Program& program, uint32_t frames, uint32_t capacity) {
     if (extent_.ordered) {
         curve.offsets = events_.offset;
     }
-    const Tensor initial = refine ? program.temporary({frames, height_, width_, 1, 1}) : output_;
-    if (refine) {
-        program.clear(initial);
-    }
+    const Tensor initial = refine ? program.cleared({frames, height_, width_, 1, 1}) : output_;
     record_curve(program, derivatives, keypoints, blurry_, matrix_, initial, curve);
 
     if (refine) {

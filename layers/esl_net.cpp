@@ -79,11 +79,8 @@ void EslNet::record(Program& program, const Tensor& blurry, const Tensor& histog
     const uint32_t block = channel_block(program.device().info());
     // Cleared where a convolution reads the zeros around its input.
     const auto tensor = [&](uint32_t channels, uint32_t halo) {
-        const Tensor made = program.temporary({channels, size.height, size.width, block, halo});
-        if (halo > 0) {
-            program.clear(made);
-        }
-        return made;
+        const Layout layout{channels, size.height, size.width, block, halo};
+        return halo > 0 ? program.cleared(layout) : program.temporary(layout);
     };
     const Tensor hidden = tensor(kChannels, 0);
     const Tensor gate = tensor(kChannels, 0);

@@ -38,8 +38,8 @@ void FusionMethod::record(Program& program, uint32_t frames, uint32_t capacity) 
 
     PriorExposure exposure;
     const Layout images = networks_->trunk.exposure_layout(device_->info(), height_, width_);
-    exposure.anchors = cleared(program, images);
-    exposure.context = cleared(program, images);
+    exposure.anchors = program.cleared(images);
+    exposure.context = program.cleared(images);
     exposure.base = program.temporary({1, height_, width_});
     exposure.logarithms =
         program.temporary({prior_windows + 1, (height_ + 1) / 2, (width_ + 1) / 2});
@@ -55,13 +55,13 @@ void FusionMethod::record_corrected_frames(Program& program, const PriorInput& i
                                            const PriorExposure& exposure) const {
     const Tensor moved = program.temporary(motion_layout(height_, width_));
     const Tensor velocity =
-        cleared(program, networks_->trunk.velocity_layout(device_->info(), height_, width_));
+        program.cleared(networks_->trunk.velocity_layout(device_->info(), height_, width_));
     record_motion(program, exposure.logarithms, moved, velocity);
     const Tensor features = networks_->trunk.record(program, exposure, velocity);
 
     const FusionHead::Tensors head = networks_->head.prepare(program, height_, width_);
     const Tensor away = program.temporary(away_layout(height_, width_));
-    const Tensor state = cleared(program, prior_state_layout(height_, width_));
+    const Tensor state = program.cleared(prior_state_layout(height_, width_));
     for (uint32_t i = 0; i < output_.layout().channels; ++i) {
         const Tensor instant = instants_.channels(i, 1);
         record_prior_frame(program, input, exposure.base, instant, state, head.planes);
@@ -75,8 +75,8 @@ void FusionMethod::record_corrected_frames(Program& program, const PriorInput& i
 void FusionMethod::record_prior_frames(Program& program, const PriorInput& input,
                                        const PriorExposure& exposure) const {
     const Tensor planes = program.temporary({plane_count, height_, width_});
-    const Tensor nothing = cleared(program, {1, height_, width_});
-    const Tensor state = cleared(program, prior_state_layout(height_, width_));
+    const Tensor nothing = program.cleared({1, height_, width_});
+    const Tensor state = program.cleared(prior_state_layout(height_, width_));
     for (uint32_t i = 0; i < output_.layout().channels; ++i) {
         record_prior_frame(program, input, exposure.base, instants_.channels(i, 1), state, planes);
         record_add(program, planes.channels(0, 1), nothing, output_.channels(i, 1));

@@ -85,9 +85,6 @@ struct Loader {
         }
         table.emplace(name, Conv(device, desc, maps, weight, bias, family));
     }
-    void plain(const std::string& name, uint32_t in, uint32_t out) {
-        add(name, {in}, {.out_channels = out});
-    }
     void down(const std::string& name, const std::vector<uint32_t>& inputs, uint32_t out,
               uint32_t kernel = 3) {
         add(name, inputs, {.out_channels = out, .kernel = kernel, .stride = 2, .relu = true});
@@ -136,12 +133,6 @@ FusionWidths::FusionWidths(const SafeTensors& weights) {
     read_widths(weights, "head", head);
 }
 
-Tensor cleared(Program& program, const Layout& layout) {
-    const Tensor tensor = program.temporary(layout);
-    program.clear(tensor);
-    return tensor;
-}
-
 FusionTrunk::FusionTrunk(Device& device, const SafeTensors& weights, const FusionWidths& widths)
     : widths_(widths), family_(network_family(device.info(), widths)) {
     const auto [a, b, c, d] = widths.trunk;
@@ -177,8 +168,8 @@ Tensor FusionTrunk::record(Program& program, const PriorExposure& exposure,
     const uint32_t width = exposure.anchors.layout().width;
     const DeviceInfo& info = program.device().info();
     const auto zeroed = [&](uint32_t channels, uint32_t divisor) {
-        return cleared(program, conv_layout(info, family_, channels, ceil_div(height, divisor),
-                                            ceil_div(width, divisor), 1));
+        return program.cleared(conv_layout(info, family_, channels, ceil_div(height, divisor),
+                                           ceil_div(width, divisor), 1));
     };
     const auto conv = [&](const char* name) -> const Conv& {
         return convs_.at(std::string("trunk.") + name);
@@ -239,15 +230,14 @@ FusionHead::Tensors FusionHead::prepare(Program& program, uint32_t height, uint3
                            ceil_div(width, divisor), halo);
     };
     Tensors t;
-    t.planes =
-        cleared(program, image_layout(info, family_, plane_count, height, width, kPlaneHalo));
+    t.planes = program.cleared(image_layout(info, family_, plane_count, height, width, kPlaneHalo));
     t.mixed = program.temporary(mixed_layout(info, family_, c, height, width));
     t.x0 = program.temporary(at(a, 1, 0));
     t.taps = ConvPair::scratch(program, height, width);
-    t.x1 = cleared(program, at(b, 2, 1));
-    t.inner1 = cleared(program, at(b, 2, 1));
-    t.x2 = cleared(program, at(c, 4, 1));
-    t.inner2 = cleared(program, at(c, 4, 1));
+    t.x1 = program.cleared(at(b, 2, 1));
+    t.inner1 = program.cleared(at(b, 2, 1));
+    t.x2 = program.cleared(at(c, 4, 1));
+    t.inner2 = program.cleared(at(c, 4, 1));
     return t;
 }
 

@@ -21,9 +21,6 @@ struct FusionWidths {
     explicit FusionWidths(const SafeTensors& weights);
 };
 
-/// A tensor that convolutions read, with zeros around it.
-Tensor cleared(Program& program, const Layout& layout);
-
 /// Convolutions by their names in a weights file, without the prefix.
 using ConvTable = std::map<std::string, Conv>;
 

@@ -52,13 +52,8 @@ Tensor Refinement::record(Program& program, const Tensor& initial, const Tensor&
     const Layout& layout = initial.layout();
     const uint32_t count = layout.channels;
     // The halos are cleared once; every iteration writes the insides anew.
-    const auto cleared = [&](const Layout& wanted) {
-        const Tensor made = program.temporary(wanted);
-        program.clear(made);
-        return made;
-    };
-    const Tensor frames = cleared(layout);
-    const Tensor state = cleared(refine_state_layout(count, layout.height, layout.width));
+    const Tensor frames = program.cleared(layout);
+    const Tensor state = program.cleared(refine_state_layout(count, layout.height, layout.width));
     const Tensor progress = program.output(progress_layout(iterations));
     program.clear(progress);
     const Tensor scratch = ConvPair::scratch(program, layout.height, layout.width);

@@ -107,11 +107,8 @@ Tensor UNet::record(Program& program, const Tensor& blurry, const Tensor& histog
     const uint32_t block = channel_block(program.device().info());
     // Cleared, since a convolution reads the zeros around its input.
     const auto tensor = [&](uint32_t channels, uint32_t height, uint32_t width, uint32_t halo) {
-        const Tensor made = program.temporary({channels, height, width, block, halo});
-        if (halo > 0) {
-            program.clear(made);
-        }
-        return made;
+        const Layout layout{channels, height, width, block, halo};
+        return halo > 0 ? program.cleared(layout) : program.temporary(layout);
     };
     std::vector<Tensor> levels;
     std::vector<Tensor> inputs = {blurry, histogram, keypoints};

@@ -195,7 +195,7 @@ Device::Device(std::shared_ptr<Instance> instance, VkPhysicalDevice physical, De
     queue.pQueuePriorities = &priority;
 
     const VkBool32 address = info_.buffer_address ? VK_TRUE : VK_FALSE;
-    const VkBool32 half = info_.float16 && info_.storage16 ? VK_TRUE : VK_FALSE;
+    const VkBool32 half = has_float16(info_) ? VK_TRUE : VK_FALSE;
     VkPhysicalDevice16BitStorageFeatures storage16{};
     storage16.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_16BIT_STORAGE_FEATURES;
     storage16.storageBuffer16BitAccess = half;

@@ -43,6 +43,11 @@ struct DeviceInfo {
     uint64_t storage_alignment = 1;
 };
 
+/// 16-bit storage and arithmetic, which float16 kernels take.
+inline bool has_float16(const DeviceInfo& info) {
+    return info.float16 && info.storage16;
+}
+
 /// One logical device with one compute queue.
 class Device {
 public:

@@ -51,6 +51,12 @@ Tensor Program::temporary(const Layout& layout) {
     return make(Kind::temporary, layout);
 }
 
+Tensor Program::cleared(const Layout& layout) {
+    const Tensor tensor = temporary(layout);
+    clear(tensor);
+    return tensor;
+}
+
 void Program::touch(const Tensor& tensor, uint32_t step) {
     Slot& slot = slots_.at(tensor.id());
     slot.first = std::min(slot.first, step);

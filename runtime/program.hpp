@@ -95,6 +95,9 @@ public:
     Tensor output(const Layout& layout);
     /// A tensor between steps; its memory is shared with others that live at other times.
     Tensor temporary(const Layout& layout);
+    /// A temporary that is all zeros until a step writes it, in each run: with a halo that is read
+    /// and never written.
+    Tensor cleared(const Layout& layout);
 
     /// Throws Error(resources) naming the kernel for more workgroups than the device launches.
     void add(Dispatch dispatch);
