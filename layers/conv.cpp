@@ -131,13 +131,14 @@ std::string explain_convolutions(const DeviceInfo& info) {
                "\n";
     }
     return text +
-           "row (shaders/conv_row.comp, conv_row_up.comp), a lane a pixel, for fusion networks "
-           "whose channels are multiples of " +
+           "row (shaders/conv_row.comp, conv_row_up.comp), a lane a pixel, for networks whose "
+           "channels are multiples of " +
            std::to_string(kConvRowGroup) +
            ": 0.4 to 0.85 of lane's time at their shapes\n"
            "lane (shaders/conv_lane.comp), a lane an output channel in blocks of " +
            std::to_string(channel_block(info)) +
-           ", for the other networks: row knows no 1x1 and no 5x5 of stride 1\n"
+           ", for other networks, and for `ecir` and eSL-Net where a tensor of the image's size is "
+           "more than the device binds at once\n"
            "pair (shaders/conv_pair.comp) where a convolution, ReLU and a convolution to one "
            "channel "
            "follow each other: the values between stay in registers\n";
@@ -152,6 +153,12 @@ ConvFamily row_family(const DeviceInfo& info, std::span<const uint32_t> out_chan
         out_channels, [](uint32_t channels) { return channels % kConvRowGroup == 0; });
     const ConvFamily family = conv_family(info);
     return family == ConvFamily::lane && whole ? ConvFamily::row : family;
+}
+
+ConvFamily row_family(const DeviceInfo& info, std::span<const uint32_t> out_channels,
+                      uint64_t most) {
+    const uint64_t bytes = most * sizeof(float) + kBindingAlignment;
+    return bytes <= info.max_storage_range ? row_family(info, out_channels) : conv_family(info);
 }
 
 Layout conv_layout(const DeviceInfo& info, ConvFamily family, uint32_t channels, uint32_t height,

@@ -40,6 +40,10 @@ uint32_t channel_block(const DeviceInfo& info);
 /// is faster at each shape of the fusion network, 15x12 included (figures: shaders/conv_row.comp).
 ConvFamily row_family(const DeviceInfo& info, std::span<const uint32_t> out_channels);
 constexpr uint32_t kConvRowGroup = 4;
+/// The same for parts whose largest tensor, `most` elements, may be more than the device binds:
+/// tensors by rows are bound as a whole, those of the other families a few channels at a time.
+ConvFamily row_family(const DeviceInfo& info, std::span<const uint32_t> out_channels,
+                      uint64_t most);
 
 /// The layout of a tensor between convolutions of a family.
 Layout conv_layout(const DeviceInfo& info, ConvFamily family, uint32_t channels, uint32_t height,

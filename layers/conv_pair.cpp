@@ -87,9 +87,10 @@ ConvPair::ConvPair(Device& device, uint32_t channels, uint32_t hidden, std::span
     if (conv_family(device.info()) == ConvFamily::lane && channels <= kMostInputs) {
         pack(first, second);
     } else {
-        whole_.emplace(Whole{Conv(device, {.out_channels = hidden, .relu = true},
-                                  {channel_range(0, channels)}, first, {}),
-                             ConvPlane(device, hidden, 3, second, bias)});
+        whole_.emplace(
+            Whole{Conv(device, {.out_channels = hidden, .relu = true}, {channel_range(0, channels)},
+                       first, {}),
+                  ConvPlane(device, hidden, 3, second, bias, conv_family(device.info()))});
     }
 }
 

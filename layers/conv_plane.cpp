@@ -1,5 +1,6 @@
 #include "layers/conv_plane.hpp"
 
+#include "layers/shapes.hpp"
 #include "runtime/error.hpp"
 
 namespace ecir {
@@ -16,20 +17,19 @@ struct TapSumPush {
 };
 static_assert(sizeof(TapSumPush) == 64);
 
-/// [1][channels][k][k] as the 1x1 weight [k k][channels].
-std::vector<float> tap_major(std::span<const float> weight, uint32_t channels, uint32_t taps) {
-    std::vector<float> result(weight.size());
-    for (uint32_t channel = 0; channel < channels; ++channel) {
-        for (uint32_t tap = 0; tap < taps; ++tap) {
-            result[size_t{tap} * channels + channel] = weight[size_t{channel} * taps + tap];
-        }
+/// [1][channels][k][k] as the 1x1 weight [planes][channels].
+std::vector<float> tap_major(std::span<const float> weight, uint32_t channels, uint32_t planes) {
+    std::vector<float> result(size_t{planes} * channels);
+    const size_t taps = weight.size() / channels;
+    for (size_t i = 0; i < weight.size(); ++i) {
+        result[i % taps * channels + i / taps] = weight[i];
     }
     return result;
 }
 
 /// The bias as that of the middle tap, which always lies in the image.
-std::vector<float> middle_bias(float bias, uint32_t taps) {
-    std::vector<float> result(taps);
+std::vector<float> middle_bias(float bias, uint32_t taps, uint32_t planes) {
+    std::vector<float> result(planes);
     result[taps / 2] = bias;
     return result;
 }
@@ -37,10 +37,12 @@ std::vector<float> middle_bias(float bias, uint32_t taps) {
 } // namespace
 
 ConvPlane::ConvPlane(Device& device, uint32_t channels, uint32_t kernel,
-                     std::span<const float> weight, float bias)
-    : device_(device), kernel_(kernel),
-      taps_(device, {.out_channels = kernel * kernel, .kernel = 1}, {channel_range(0, channels)},
-            tap_major(weight, channels, kernel * kernel), middle_bias(bias, kernel * kernel)) {}
+                     std::span<const float> weight, float bias, ConvFamily family)
+    : device_(device), kernel_(kernel), family_(family),
+      planes_(ceil_div(kernel * kernel, kConvRowGroup) * kConvRowGroup),
+      taps_(device, {.out_channels = planes_, .kernel = 1}, {channel_range(0, channels)},
+            tap_major(weight, channels, planes_), middle_bias(bias, kernel * kernel, planes_),
+            family) {}
 
 void ConvPlane::record(Program& program, const Tensor& input, const Tensor& output,
                        const std::optional<Tensor>& added) const {
@@ -49,8 +51,8 @@ void ConvPlane::record(Program& program, const Tensor& input, const Tensor& outp
                   added->layout().width != out.width)) {
         throw Error(ExitCode::device, "conv: what is added and the output differ in shape");
     }
-    const Tensor planes = program.temporary(
-        {kernel_ * kernel_, out.height, out.width, channel_block(device_.info()), 0});
+    const Tensor planes =
+        program.temporary(conv_layout(device_.info(), family_, planes_, out.height, out.width));
     taps_.record(program, input, planes);
 
     TapSumPush push;

@@ -11,9 +11,9 @@ class ConvPlane {
 public:
     /// weight: [1][channels][kernel][kernel].
     ConvPlane(Device& device, uint32_t channels, uint32_t kernel, std::span<const float> weight,
-              float bias = 0);
+              float bias, ConvFamily family);
 
-    /// input: block channel_block(), any halo; output: 1 channel, any layout; its halo is not
+    /// input: conv_layout() of the family, any halo; output: 1 channel, any layout; its halo is not
     /// written. added: what the result is added to, 1 channel of the output's size, any layout.
     void record(Program& program, const Tensor& input, const Tensor& output,
                 const std::optional<Tensor>& added = {}) const;
@@ -21,6 +21,8 @@ public:
 private:
     Device& device_;
     uint32_t kernel_;
+    ConvFamily family_;
+    uint32_t planes_; ///< kernel^2, filled up to what every family takes
     Conv taps_;
 };
 

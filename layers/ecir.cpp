@@ -70,7 +70,8 @@ EcirMethod::EcirMethod(std::shared_ptr<Device> device, const SafeTensors& weight
                        uint32_t width, const EcirOptions& options)
     : device_(std::move(device)), config_(weights),
       networks_(std::make_shared<const Networks>(
-          Networks{UNet(*device_, weights, config_.bins, config_.keypoints),
+          Networks{UNet(*device_, weights, config_.bins, config_.keypoints,
+                        UNet::family(device_->info(), weights, config_.bins, height, width)),
                    Refinement(*device_, weights, !config_.release)})),
       height_(height),
       width_(width), extent_{options.refine.value_or(config_.iterations),
@@ -89,12 +90,13 @@ std::unique_ptr<Method> EcirMethod::resized(uint32_t height, uint32_t width) con
 }
 
 void EcirMethod::record(Program& program, uint32_t frames, uint32_t capacity) {
-    const uint32_t block = channel_block(device_->info());
+    const DeviceInfo& info = device_->info();
+    const UNet& unet = networks_->unet;
     const uint32_t n = config_.keypoints;
     const bool refine = extent_.iterations > 0;
 
     events_ = EventTensors(program, height_, width_, capacity);
-    blurry_ = program.input({1, height_, width_, 1, UNet::kInputHalo});
+    blurry_ = program.input(unet.blurry_layout(info, height_, width_));
     rule_ = program.input({1, 1, 4});
     input_intervals_ = program.input({1, 1, config_.bins});
     frame_intervals_ = program.input({1, 1, std::max(2 * (frames - 1), 1U)});
@@ -102,14 +104,14 @@ void EcirMethod::record(Program& program, uint32_t frames, uint32_t capacity) {
     output_ = program.output({frames, height_, width_});
 
     const Tensor histogram =
-        program.cleared({config_.bins, height_, width_, block, UNet::kInputHalo});
+        program.cleared(unet.input_layout(info, config_.bins, height_, width_));
     record_event_histogram(program, events_.offset, events_.mark, events_.positives,
                            input_intervals_, histogram);
 
-    const Tensor keypoints = program.cleared({n, height_, width_, block, UNet::kInputHalo});
+    const Tensor keypoints = program.cleared(unet.input_layout(info, n, height_, width_));
     record_keypoints(program, events_.offset, events_.time, events_.tick, rule_, keypoints, 0, n);
 
-    const Tensor derivatives = networks_->unet.record(program, blurry_, histogram, keypoints);
+    const Tensor derivatives = unet.record(program, blurry_, histogram, keypoints);
 
     CurveOptions curve{.n = n, .spaced = !config_.release};
     if (extent_.ordered) {

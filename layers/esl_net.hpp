@@ -21,16 +21,30 @@ namespace ecir {
 class EslNet {
 public:
     /// Throws Error(bad_input) naming the tensor that is missing or of a wrong shape.
-    EslNet(Device& device, const SafeTensors& weights);
+    EslNet(Device& device, const SafeTensors& weights, ConvFamily family);
+
+    /// The fastest family for images up to this size.
+    static ConvFamily family(const DeviceInfo& info, uint32_t height, uint32_t width);
+    /// Of record()'s blurry frame and histogram.
+    [[nodiscard]] Layout blurry_layout(const DeviceInfo& info, uint32_t height,
+                                       uint32_t width) const {
+        return family_ == ConvFamily::row ? conv_layout(info, family_, 1, height, width)
+                                          : Layout{1, height, width};
+    }
+    [[nodiscard]] Layout histogram_layout(const DeviceInfo& info, uint32_t height,
+                                          uint32_t width) const {
+        return conv_layout(info, family_, 4 * bins, height, width);
+    }
 
     static constexpr uint32_t bins = 20; ///< time intervals on either side of the frame's instant
 
-    /// blurry: 1 channel; histogram: 4 * bins channels, two for each of outward_intervals();
+    /// blurry; histogram: two channels for each of outward_intervals();
     /// output: 1 channel, any layout.
     void record(Program& program, const Tensor& blurry, const Tensor& histogram,
                 const Tensor& output) const;
 
 private:
+    ConvFamily family_;
     Conv image_d_;
     Conv event_c1_;
     Conv event_c2_;

@@ -22,12 +22,12 @@ namespace ecir {
 namespace {
 
 constexpr std::array kOperations = {
-    Operation{"conv", 1e-5, "float32 sums of up to 2000 products", 17, conv_trial, 10},
-    Operation{"conv_row", 1e-5, "float32 sums of up to 2000 products", 15, conv_row_trial, 49},
+    Operation{"conv", 1e-5, "float32 sums of up to 2000 products", 17, conv_trial},
+    Operation{"conv_row", 1e-5, "float32 sums of up to 2000 products", 17, conv_row_trial, 59},
     Operation{"conv_tile", 1e-5, "float32 sums of up to 2000 products", 34, conv_tile_trial, 3},
     Operation{"conv_tile_half", 2e-3, "float16 factors, float16 sums of up to 20 products", 34,
               conv_tile_half_trial, 3, true},
-    Operation{"conv_plane", 1e-5, "float32 sums of up to 400 products", 4, conv_plane_trial},
+    Operation{"conv_plane", 1e-5, "float32 sums of up to 400 products", 8, conv_plane_trial},
     Operation{"conv_pair", 1e-5, "float32 sums of up to 700 products", 8, conv_pair_trial, 5},
     Operation{"event_histogram", 0, "counts are whole numbers", 10, event_histogram_trial, 2},
     Operation{"keypoints", 0, "compared as integers", 12, keypoints_trial, 1},

@@ -1,7 +1,9 @@
 #include "layers/unet.hpp"
 
+#include <algorithm>
 #include <cmath>
 
+#include "layers/shapes.hpp"
 #include "runtime/error.hpp"
 
 namespace ecir {
@@ -11,7 +13,7 @@ constexpr double kBatchNormEpsilon = 1e-5;
 
 /// A 3x3 convolution without bias and the batch norm after it as one convolution with bias.
 Conv folded(Device& device, const SafeTensors& weights, const std::string& conv,
-            const std::string& norm, uint32_t channels) {
+            const std::string& norm, uint32_t channels, ConvFamily family) {
     std::vector<float> weight = weights.get(conv + ".weight", {channels, channels, 3, 3});
     const auto& gain = weights.get(norm + ".weight", {channels});
     const auto& shift = weights.get(norm + ".bias", {channels});
@@ -31,7 +33,8 @@ Conv folded(Device& device, const SafeTensors& weights, const std::string& conv,
             {.out_channels = channels, .kernel = 3, .relu = true},
             {channel_range(0, channels)},
             weight,
-            bias};
+            bias,
+            family};
 }
 
 /// Output channels of a convolution, read from its weight.
@@ -48,12 +51,31 @@ uint32_t out_channels(const SafeTensors& weights, const std::string& name, size_
 
 UNet::ResidualBlock UNet::load_block(Device& device, const SafeTensors& weights,
                                      const std::string& name, uint32_t channels) const {
-    return {folded(device, weights, name + ".0", name + ".1", channels),
-            folded(device, weights, name + ".3", name + ".4", channels)};
+    return {folded(device, weights, name + ".0", name + ".1", channels, family_),
+            folded(device, weights, name + ".3", name + ".4", channels, family_)};
 }
 
-UNet::UNet(Device& device, const SafeTensors& weights, uint32_t bins, uint32_t keypoints)
-    : keypoints_(keypoints) {
+ConvFamily UNet::family(const DeviceInfo& info, const SafeTensors& weights, uint32_t bins,
+                        uint32_t height, uint32_t width) {
+    std::vector<uint32_t> channels;
+    for (const char* layer : {"1", "2", "3", "4"}) {
+        const std::string number(layer);
+        channels.push_back(out_channels(weights, "unet.en_conv" + number + ".0.weight", 0));
+        channels.push_back(out_channels(weights, "unet.de_conv" + number + ".0.weight", 1));
+    }
+    const auto elements = [&](uint32_t count, uint32_t divisor) {
+        return conv_layout(info, ConvFamily::row, count, ceil_div(height, divisor),
+                           ceil_div(width, divisor), kInputHalo)
+            .elements();
+    };
+    return row_family(
+        info, channels,
+        std::max(elements(std::max(bins, channels.back()), 1), elements(channels.front(), 2)));
+}
+
+UNet::UNet(Device& device, const SafeTensors& weights, uint32_t bins, uint32_t keypoints,
+           ConvFamily family)
+    : family_(family), keypoints_(keypoints) {
     const std::vector<ChannelMap> input = {channel_range(0, 1), channel_range(1, bins),
                                            channel_range(1 + bins, keypoints)};
     const uint32_t input_channels = 1 + bins + keypoints;
@@ -66,7 +88,7 @@ UNet::UNet(Device& device, const SafeTensors& weights, uint32_t bins, uint32_t k
             device, ConvDesc{.out_channels = out, .kernel = 5, .stride = 2, .relu = true},
             encoders_.empty() ? input : std::vector<ChannelMap>{channel_range(0, channels)},
             weights.get(name + ".weight", {out, channels, 5, 5}),
-            weights.get(name + ".bias", {out}));
+            weights.get(name + ".bias", {out}), family);
         widths_.push_back(out);
         channels = out;
     }
@@ -86,7 +108,8 @@ UNet::UNet(Device& device, const SafeTensors& weights, uint32_t bins, uint32_t k
             device,
             ConvDesc{
                 .out_channels = out, .kernel = 5, .stride = 2, .transposed = true, .relu = true},
-            maps, weights.get(name, {channels + skip, out, 5, 5}), std::span<const float>{});
+            maps, weights.get(name, {channels + skip, out, 5, 5}), std::span<const float>{},
+            family);
         decoder_widths_.push_back(out);
         channels = out;
     }
@@ -96,18 +119,22 @@ UNet::UNet(Device& device, const SafeTensors& weights, uint32_t bins, uint32_t k
         maps.push_back(channel_range(first, static_cast<uint32_t>(map.size())));
         first += static_cast<uint32_t>(map.size());
     }
-    prediction_ = std::make_unique<Conv>(
-        device, ConvDesc{.out_channels = keypoints, .kernel = 1}, maps,
-        weights.get("unet.pred.weight", {keypoints, channels + input_channels, 1, 1}),
-        weights.get("unet.pred.bias", {keypoints}));
+    std::vector<float> weight =
+        weights.get("unet.pred.weight", {keypoints, channels + input_channels, 1, 1});
+    std::vector<float> bias = weights.get("unet.pred.bias", {keypoints});
+    predicted_ = ceil_div(keypoints, kConvRowGroup) * kConvRowGroup;
+    weight.resize(size_t{predicted_} * (channels + input_channels));
+    bias.resize(predicted_);
+    prediction_ = std::make_unique<Conv>(device, ConvDesc{.out_channels = predicted_, .kernel = 1},
+                                         maps, weight, bias, family);
 }
 
 Tensor UNet::record(Program& program, const Tensor& blurry, const Tensor& histogram,
                     const Tensor& keypoints) const {
-    const uint32_t block = channel_block(program.device().info());
+    const DeviceInfo& info = program.device().info();
     // Cleared, since a convolution reads the zeros around its input.
     const auto tensor = [&](uint32_t channels, uint32_t height, uint32_t width, uint32_t halo) {
-        const Layout layout{channels, height, width, block, halo};
+        const Layout layout = conv_layout(info, family_, channels, height, width, halo);
         return halo > 0 ? program.cleared(layout) : program.temporary(layout);
     };
     std::vector<Tensor> levels;
@@ -135,10 +162,10 @@ Tensor UNet::record(Program& program, const Tensor& blurry, const Tensor& histog
         x = tensor(decoder_widths_[i], size.height, size.width, level == 1 ? 0 : 1);
         decoders_[i].record(program, inputs, x);
     }
-    const Tensor derivatives = tensor(keypoints_, blurry.layout().height, blurry.layout().width, 0);
+    const Tensor derivatives = tensor(predicted_, blurry.layout().height, blurry.layout().width, 0);
     const std::vector<Tensor> all = {x, blurry, histogram, keypoints};
     prediction_->record(program, all, derivatives);
-    return derivatives;
+    return derivatives.channels(0, keypoints_);
 }
 
 } // namespace ecir

@@ -15,16 +15,34 @@ class UNet {
 public:
     /// `bins` histogram channels, `keypoints` outputs. Throws Error(bad_input) naming the tensor
     /// that is missing or of a wrong shape.
-    UNet(Device& device, const SafeTensors& weights, uint32_t bins, uint32_t keypoints);
+    UNet(Device& device, const SafeTensors& weights, uint32_t bins, uint32_t keypoints,
+         ConvFamily family);
 
-    /// blurry: 1 channel, histogram: `bins`, keypoints: `keypoints`, all with the halo kInputHalo.
-    /// Returns the derivatives, `keypoints` channels, block channel_block(), no halo.
+    /// The fastest family for images up to this size: that of rows, where each tensor is bound as a
+    /// whole, while the largest fits. Throws as the constructor does.
+    static ConvFamily family(const DeviceInfo& info, const SafeTensors& weights, uint32_t bins,
+                             uint32_t height, uint32_t width);
+
+    /// Of record()'s histogram and keypoints.
+    [[nodiscard]] Layout input_layout(const DeviceInfo& info, uint32_t channels, uint32_t height,
+                                      uint32_t width) const {
+        return conv_layout(info, family_, channels, height, width, kInputHalo);
+    }
+    /// Of record()'s blurry frame, which other kernels read too.
+    [[nodiscard]] Layout blurry_layout(const DeviceInfo& info, uint32_t height,
+                                       uint32_t width) const {
+        return family_ == ConvFamily::row ? input_layout(info, 1, height, width)
+                                          : Layout{1, height, width, 1, kInputHalo};
+    }
+
+    /// blurry: 1 channel, histogram: `bins`, keypoints: `keypoints`, their halos zeros.
+    /// Returns the derivatives, `keypoints` channels, no halo.
     Tensor record(Program& program, const Tensor& blurry, const Tensor& histogram,
                   const Tensor& keypoints) const;
 
+private:
     static constexpr uint32_t kInputHalo = 2;
 
-private:
     struct ResidualBlock {
         Conv first;
         Conv second;
@@ -33,12 +51,14 @@ private:
     ResidualBlock load_block(Device& device, const SafeTensors& weights, const std::string& name,
                              uint32_t channels) const;
 
+    ConvFamily family_;
     uint32_t keypoints_;
     std::vector<Conv> encoders_;
     std::vector<uint32_t> widths_; ///< channels out of each encoder
     std::vector<ResidualBlock> blocks_;
     std::vector<Conv> decoders_;
     std::vector<uint32_t> decoder_widths_;
+    uint32_t predicted_ = 0; ///< keypoints_, filled up to what every family takes
     std::unique_ptr<Conv> prediction_;
 };
 

@@ -1,5 +1,5 @@
 #version 460
-// A 3x3 or 5x5 convolution of stride 1 or 2 for drivers that run on a CPU (lavapipe), on tensors by rows:
+// A 1x1, 3x3 or (stride 2) 5x5 convolution of stride 1 or 2 for drivers that run on a CPU (lavapipe), on tensors by rows:
 //
 //   out[o][y][x] = max(floor, init[o][y][x] + bias[o]
 //                             + sum over i < C, ky, kx < K of  w[o][i][ky][kx] in[i][S y + ky][S x + kx])
@@ -57,12 +57,12 @@ layout(constant_id = 0) const int LX = 8;
 layout(constant_id = 1) const int C = 32;
 layout(constant_id = 2) const int CB = 8; // 4 or 8
 layout(constant_id = 3) const int K = 3;
-layout(constant_id = 4) const int S = 1; // K 5: 2
+layout(constant_id = 4) const int S = 1; // K 1: 1, K 5: 2
 layout(constant_id = 5) const int PLANE = 144; // elements from a channel of `in` to the next
 layout(constant_id = 6) const int INIT = 1;
 
 const int ROWS = S + K; // input rows of two output rows
-const int PRODUCTS = S == 1 ? 4 : (K == 3 ? 5 : 7);
+const int PRODUCTS = K == 1 ? 2 : (S == 1 ? 4 : (K == 3 ? 5 : 7));
 
 layout(set = 0, binding = 0, std430) writeonly buffer Out { float out_[]; };
 layout(push_constant, scalar) uniform Push {
@@ -120,7 +120,9 @@ void main() {
                 d[r] = load_in(x, y, i, r, kx);
             }
             float v[7];
-            if (S == 1) {
+            if (K == 1) {
+                v = float[](d[0], d[1], 0, 0, 0, 0, 0);
+            } else if (S == 1) {
                 v = float[](d[0] - d[2], d[1] + d[2], d[2] - d[1], d[3] - d[1], 0, 0, 0);
             } else if (K == 3) {
                 v = float[](d[0] - d[2], d[2], d[4] - d[2], d[1], d[3], 0, 0);
@@ -135,7 +137,13 @@ void main() {
                         w = weight.v[(((i * K + kx) * PRODUCTS + p) * CB + CB + c) / 4];
                     }
                     const float product = w[c % 4] * v[p];
-                    if (S == 2 && K == 3) {
+                    if (K == 1) {
+                        if (p == 0) {
+                            upper[c] += product;
+                        } else {
+                            lower[c] += product;
+                        }
+                    } else if (S == 2 && K == 3) {
                         if (p == 0 || p == 3) {
                             upper[c] += product;
                         } else if (p == 1) {

@@ -270,8 +270,9 @@ TEST_SUITE("stability") {
         const auto times = even_times(subject.frames);
         const FrameInput input{made.blurry, made.events.view(), made.exposure, times};
         const SafeTensors weights(find_model("ecir"));
-        const StagedFrames staged = StagedEcir(*small_lab().device, weights)
-                                        .frames(input, made.width, made.height, Border::none);
+        const StagedFrames staged =
+            StagedEcir(*small_lab().device, weights, made.width, made.height)
+                .frames(input, Border::none);
         stability::Method method;
         method.options.model = "ecir";
         CHECK(staged.refined == frames_of(small_lab(), method, made));

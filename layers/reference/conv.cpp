@@ -177,10 +177,10 @@ Trial make_trial(Device& device, const ConvCase& c, CaseRandom random, ConvFamil
 Trial make_tile_trial(Device& device, uint32_t trial, Precision precision) {
     const auto small = static_cast<uint32_t>(small_convs().size());
     if (trial >= 2 * small) {
-        // Of the networks' a few: where this is the device's family, `conv` and `conv_row` have
+        // Of the networks' a few: where this is the device's family, `conv_row` has
         // all.
         constexpr std::array<size_t, 3> kChosen = {2, 9, 11};
-        return make_trial(device, network_row_convs().at(kChosen.at(trial - 2 * small)),
+        return make_trial(device, network_convs().at(kChosen.at(trial - 2 * small)),
                           CaseRandom(trial), ConvFamily::tile, precision);
     }
     // Every case with two numbers of rows an invocation, which large images would choose.
@@ -195,10 +195,8 @@ Trial make_tile_trial(Device& device, uint32_t trial, Precision precision) {
 } // namespace
 
 Trial conv_trial(Device& device, uint32_t trial) {
-    const auto small = static_cast<uint32_t>(small_convs().size());
-    return make_trial(device,
-                      trial < small ? small_convs()[trial] : network_convs().at(trial - small),
-                      CaseRandom(trial), conv_family(device.info()));
+    return make_trial(device, small_convs().at(trial), CaseRandom(trial),
+                      conv_family(device.info()));
 }
 
 Trial conv_tile_trial(Device& device, uint32_t trial) {
@@ -212,7 +210,7 @@ Trial conv_tile_half_trial(Device& device, uint32_t trial) {
 Trial conv_row_trial(Device& device, uint32_t trial) {
     const auto small = static_cast<uint32_t>(small_row_convs().size());
     const ConvCase conv =
-        trial < small ? small_row_convs()[trial] : network_row_convs().at(trial - small);
+        trial < small ? small_row_convs()[trial] : network_convs().at(trial - small);
     return make_trial(device, conv, CaseRandom(trial),
                       row_family(device.info(), std::array{conv.out}));
 }
@@ -220,14 +218,17 @@ Trial conv_row_trial(Device& device, uint32_t trial) {
 Trial conv_plane_trial(Device& device, uint32_t index) {
     constexpr std::array<std::array<uint32_t, 3>, 4> kShapes = {
         {{32, 9, 23}, {1, 1, 1}, {8, 5, 4}, {40, 3, 45}}};
-    const auto [channels, height, width] = kShapes.at(index);
+    const auto [channels, height, width] = kShapes.at(index % kShapes.size());
+    const ConvFamily family = index < kShapes.size()
+                                  ? conv_family(device.info())
+                                  : row_family(device.info(), std::array{kConvRowGroup});
     CaseRandom random(index);
     Trial trial;
     trial.shape = "3x3 " + std::to_string(channels) + "->1 " + std::to_string(width) + "x" +
                   std::to_string(height);
     trial.program = std::make_unique<Program>(device);
     Program& program = *trial.program;
-    const Layout in{channels, height, width, channel_block(device.info()), 0};
+    const Layout in = conv_layout(device.info(), family, channels, height, width);
     const Tensor input = program.input(in);
     trial.output = program.output({1, height, width, 1, 1});
     program.clear(trial.output);
@@ -239,7 +240,7 @@ Trial conv_plane_trial(Device& device, uint32_t index) {
     const Tensor image = program.input({1, height, width, 1, 2});
     const auto before = random.values(size_t{height} * width, -1, 1);
     trial.first_step = program.steps();
-    const ConvPlane layer(device, channels, 3, weight, bias);
+    const ConvPlane layer(device, channels, 3, weight, bias, family);
     layer.record(program, input, trial.output, more ? std::optional(image) : std::nullopt);
     program.finish();
     program.write(input, from_dense(in, dense));

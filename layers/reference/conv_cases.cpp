@@ -8,6 +8,7 @@
 #include "layers/ecir.hpp"
 #include "layers/fusion.hpp"
 #include "layers/model_family.hpp"
+#include "layers/shapes.hpp"
 
 namespace ecir {
 namespace {
@@ -96,7 +97,7 @@ void collect_ecir(Collector& add) {
     }
     add.add(1, {.kernel = 1,
                 .inputs = {1, decoder[3], config.bins, config.keypoints},
-                .out = config.keypoints,
+                .out = ceil_div(config.keypoints, kConvRowGroup) * kConvRowGroup,
                 .relu = false,
                 .planar = 1});
 }
@@ -143,22 +144,19 @@ const std::vector<ConvCase>& small_row_convs() {
         {3, 2, true, {16}, 4, 1, 1, true, true, true, 1},
         {5, 2, true, {12}, 8, 10, 12, false, false, false},
         {5, 2, true, {33}, 4, 5, 21, true, true, true},
+        {1, 1, false, {32, 40, 11}, 12, 5, 23, true, false, false},
+        {1, 1, false, {5}, 8, 1, 1, false, true, true, 1},
     };
     return all;
 }
 
-std::vector<ConvCase> network_row_convs() {
+std::vector<ConvCase> network_convs() {
     Collector collector;
     std::vector<ModelFamily::Member> members = ModelFamily::shipped().members();
     std::ranges::reverse(members);
     for (const ModelFamily::Member& member : members) {
         collect_fusion(collector, FusionWidths(SafeTensors(find_model(member.model))));
     }
-    return collector.convs();
-}
-
-std::vector<ConvCase> network_convs() {
-    Collector collector;
     collect_ecir(collector);
     return collector.convs();
 }

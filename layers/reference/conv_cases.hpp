@@ -30,10 +30,8 @@ const std::vector<ConvCase>& small_convs();
 const std::vector<ConvCase>& small_row_convs();
 
 /// Those of the shipped networks at 240x180, each shape once, with the widths of the weights files:
-/// of the fusion networks of all sizes, the largest first, which are of the row family, and of
-/// `ecir`. They throw Error(bad_input) where a
-/// file is missing.
-std::vector<ConvCase> network_row_convs();
+/// of the fusion networks of all sizes, the largest first, and of `ecir`. Throws Error(bad_input)
+/// where a file is missing.
 std::vector<ConvCase> network_convs();
 
 } // namespace ecir

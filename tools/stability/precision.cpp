@@ -82,16 +82,16 @@ std::vector<Sample> stored_as_half(const Lab& lab, double value) {
         }
         const SafeTensors weights(find_model(method.options.model));
         const StagedFrames exact =
-            StagedEcir(*lab.device, weights).frames(input, seen.width, seen.height, Border::none);
+            StagedEcir(*lab.device, weights, seen.width, seen.height).frames(input, Border::none);
         StagedFrames stored;
         if (stage.border == Border::weights) {
             const WeightsCopy halves(
                 weights, [](const std::string&, float weight) { return rounded_to_half(weight); });
-            stored = StagedEcir(*lab.device, SafeTensors(halves.path()))
-                         .frames(input, seen.width, seen.height, Border::none);
+            stored = StagedEcir(*lab.device, SafeTensors(halves.path()), seen.width, seen.height)
+                         .frames(input, Border::none);
         } else {
-            stored = StagedEcir(*lab.device, weights)
-                         .frames(input, seen.width, seen.height, stage.border);
+            stored = StagedEcir(*lab.device, weights, seen.width, seen.height)
+                         .frames(input, stage.border);
         }
         if (stage.border != Border::refined) {
             compare(samples, method.options.model + ", curve", stored.curve, exact.curve);

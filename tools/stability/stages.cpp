@@ -96,13 +96,15 @@ float rounded_to_half(float value) {
     return std::nearbyint(value / step) * step;
 }
 
-StagedEcir::StagedEcir(Device& device, const SafeTensors& weights)
-    : device_(device), config_(weights), unet_(device, weights, config_.bins, config_.keypoints),
+StagedEcir::StagedEcir(Device& device, const SafeTensors& weights, uint32_t width, uint32_t height)
+    : device_(device), config_(weights), width_(width), height_(height),
+      unet_(device, weights, config_.bins, config_.keypoints,
+            UNet::family(device.info(), weights, config_.bins, height, width)),
       refinement_(device, weights, !config_.release) {}
 
-StagedFrames StagedEcir::frames(const FrameInput& input, uint32_t width, uint32_t height,
-                                Border border) {
-    const uint32_t block = channel_block(device_.info());
+StagedFrames StagedEcir::frames(const FrameInput& input, Border border) {
+    const uint32_t width = width_;
+    const uint32_t height = height_;
     const uint32_t n = config_.keypoints;
     const auto count = static_cast<uint32_t>(input.times.size());
     const auto crossing = [&](Border at, std::vector<float> values) {
@@ -117,10 +119,11 @@ StagedFrames StagedEcir::frames(const FrameInput& input, uint32_t width, uint32_
 
     Program network(device_);
     Inputs network_inputs{network, {}};
-    const Layout wide{config_.bins, height, width, block, UNet::kInputHalo};
-    const Layout points{n, height, width, block, UNet::kInputHalo};
+    const DeviceInfo& info = device_.info();
+    const Layout wide = unet_.input_layout(info, config_.bins, height, width);
+    const Layout points = unet_.input_layout(info, n, height, width);
     const Tensor slopes =
-        unet_.record(network, network_inputs({1, height, width, 1, UNet::kInputHalo}, blurry),
+        unet_.record(network, network_inputs(unet_.blurry_layout(info, height, width), blurry),
                      network_inputs(wide, crossing(Border::histogram, fields.histogram)),
                      network_inputs(points, crossing(Border::network, fields.keypoints)));
     const Tensor slopes_output = network.output(slopes.layout());

@@ -35,12 +35,14 @@ struct StagedFrames {
 /// float16 on the way; everything within a step in float32, as always.
 class StagedEcir {
 public:
-    StagedEcir(Device& device, const SafeTensors& weights);
-    StagedFrames frames(const FrameInput& input, uint32_t width, uint32_t height, Border border);
+    StagedEcir(Device& device, const SafeTensors& weights, uint32_t width, uint32_t height);
+    StagedFrames frames(const FrameInput& input, Border border);
 
 private:
     Device& device_;
     EcirConfig config_;
+    uint32_t width_;
+    uint32_t height_;
     UNet unet_;
     Refinement refinement_;
 };
