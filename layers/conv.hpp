@@ -39,7 +39,7 @@ uint32_t channel_block(const DeviceInfo& info);
 /// where all are multiples of kConvRowGroup. It knows 3x3, 5x5 of stride 2 and transposed ones, and
 /// is faster at each shape of the fusion network, 15x12 included (figures: shaders/conv_row.comp).
 ConvFamily row_family(const DeviceInfo& info, std::span<const uint32_t> out_channels);
-constexpr uint32_t kConvRowGroup = 4;
+constexpr uint32_t kConvRowGroup = 4; ///< output channels a workgroup of it
 /// The same for parts whose largest tensor, `most` elements, may be more than the device binds:
 /// tensors by rows are bound as a whole, those of the other families a few channels at a time.
 ConvFamily row_family(const DeviceInfo& info, std::span<const uint32_t> out_channels,
@@ -121,8 +121,7 @@ private:
         uint32_t input;
         uint32_t first;
         uint32_t count;
-        uint32_t together; ///< output channels a workgroup
-        uint64_t offset;   ///< in weights_, bytes
+        uint64_t offset; ///< in weights_, bytes
     };
 
     void make_phases();

@@ -35,25 +35,15 @@ struct RowPush {
 };
 static_assert(sizeof(RowPush) == 104);
 
-/// What a workgroup takes: input channels, and output channels together.
-struct Share {
-    uint32_t most_inputs;
-    uint32_t together;
-};
-
-/// each: multiply-adds of an input with an output channel. The bounds are on a workgroup's code,
-/// which the instruction caches should be able to feed, and with stride 2, whose loads are long, on
-/// what the driver compiles in a second.
-Share share(const ConvDesc& desc, uint32_t each, uint32_t inputs) {
+/// Input channels that a workgroup takes of `inputs`; each: multiply-adds of one with an output
+/// channel. The bounds are on a workgroup's code, which the instruction caches should be able to
+/// feed, and with stride 2, whose loads are long, on what the driver compiles in a second.
+uint32_t slice_inputs(const ConvDesc& desc, uint32_t each, uint32_t inputs) {
     constexpr uint32_t kMost = 3072;
     constexpr uint32_t kMostStrided = 2304;
-    constexpr uint32_t kWide = 2 * kConvRowGroup;
-    const bool strided = !desc.transposed && desc.stride == 2;
-    const uint32_t most = strided ? kMostStrided : kMost;
-    const bool wide = desc.out_channels % kWide == 0 && (strided || inputs * each * kWide <= most);
-    const uint32_t together = wide ? kWide : kConvRowGroup;
-    const uint32_t cap = std::max(1U, most / (each * together));
-    return {ceil_div(inputs, ceil_div(inputs, cap)), together}; // slices much alike
+    const uint32_t most = !desc.transposed && desc.stride == 2 ? kMostStrided : kMost;
+    const uint32_t cap = std::max(1U, most / (each * kConvRowGroup));
+    return ceil_div(inputs, ceil_div(inputs, cap)); // slices much alike
 }
 
 /// Zeros after the weights, for layers that start from nothing.
@@ -104,19 +94,19 @@ void Conv::pack_row(std::span<const float> weight, std::span<const float> bias) 
     std::vector<float> all;
     for (uint32_t input = 0; input < inputs_.size(); ++input) {
         const auto channels = static_cast<uint32_t>(inputs_[input].size());
-        const auto [most, together] = share(desc_, each, channels);
+        const uint32_t most = slice_inputs(desc_, each, channels);
         for (uint32_t first = 0; first < channels; first += most) {
             const uint32_t count = std::min(most, channels - first);
             const bool start = row_slices_.empty();
-            row_slices_.push_back({input, first, count, together, all.size() * sizeof(float)});
-            for (uint32_t out = 0; out < desc_.out_channels; out += together) {
-                for (uint32_t c = 0; c < together; ++c) {
+            row_slices_.push_back({input, first, count, all.size() * sizeof(float)});
+            for (uint32_t out = 0; out < desc_.out_channels; out += kConvRowGroup) {
+                for (uint32_t c = 0; c < kConvRowGroup; ++c) {
                     all.push_back(start && !bias.empty() ? bias[out + c] : 0);
                 }
-                for (uint32_t n = 0; n < count * each * together; ++n) {
-                    const uint32_t c = n % together;
-                    const uint32_t in = inputs_[input][first + n / together / each];
-                    const uint32_t place = n / together % each;
+                for (uint32_t n = 0; n < count * each * kConvRowGroup; ++n) {
+                    const uint32_t c = n % kConvRowGroup;
+                    const uint32_t in = inputs_[input][first + n / kConvRowGroup / each];
+                    const uint32_t place = n / kConvRowGroup % each;
                     // [ky][kx] of the transposed kernel, else [kx][product]
                     const uint32_t kx = desc_.transposed ? place % k : place * k / each;
                     const Product& product =
@@ -173,15 +163,14 @@ void Conv::record_row(Program& program, std::span<const Tensor> inputs, const Te
         dispatch.set_push(push);
         const auto plane = static_cast<uint32_t>(in.plane_stride());
         const uint32_t block = init ? init->layout().block : desc_.transposed ? 0 : 1;
-        const uint32_t groups = desc_.out_channels / slice.together;
+        const uint32_t groups = desc_.out_channels / kConvRowGroup;
         if (desc_.transposed) {
-            const std::array<uint32_t, 6> constants{lanes, slice.count, slice.together,
-                                                    k,     plane,       block};
+            const std::array<uint32_t, 5> constants{lanes, slice.count, k, plane, block};
             dispatch.kernel = &device_.kernel("conv_row_up", constants, 1, sizeof(push));
             dispatch.groups = {ceil_div(in.width, lanes), in.height, groups};
             dispatch.label = "conv_row_up";
         } else {
-            const std::array<uint32_t, 7> constants{lanes,        slice.count, slice.together, k,
+            const std::array<uint32_t, 6> constants{lanes,        slice.count, k,
                                                     desc_.stride, plane,       block};
             dispatch.kernel = &device_.kernel("conv_row", constants, 1, sizeof(push));
             dispatch.groups = {ceil_div(out.width, lanes), ceil_div(out.height, 2), groups};

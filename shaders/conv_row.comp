@@ -22,10 +22,10 @@
 // (conv_lane.comp) in the fusion network at 240x180: 3x3 S 1 takes 0.38 to 0.53 of the time (50 to 57
 // GFLOP/s of the plain sum), 5x5 S 2 0.78, 3x3 S 2 0.69 to 0.85.
 // - a lane is a pixel: an input is a vector load, a weight an operand that the multiplication broadcasts;
-// - 4 CB accumulators, CB = 8, hide the latency of additions and just fit in registers; but the code, run
-//   once from the first to the last byte for each workgroup, should be short: 48 -> 48 with CB = 8, 65 KB,
-//   runs at 49, with CB = 4 at 65. Four output rows at once (F(4, 3)) need half the products, but more
-//   additions and 6 CB accumulators: 54;
+// - 4 CB accumulators, CB = 4, hide the latency of additions; the code, run once from the first to the last
+//   byte for each workgroup, should be short: with CB = 8 48 -> 48, 65 KB, runs at 49 instead of 65, and with
+//   fewer inputs a pass networks take as long on Mesa 22.3.6 and 1.05 to 1.16 times as long on 25.0.7. Four
+//   output rows at once (F(4, 3)) need half the products, but more additions and 6 CB accumulators: 54;
 // - channels of a row follow each other at a distance that is a specialization constant, so that all loads
 //   of a row need one address; with distances from push constants each load costs six instructions for
 //   its address, and the layer takes 1.8 times as long. The pitch is rounded up (conv_layout()), so that a
@@ -55,11 +55,12 @@
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const int LX = 8;
 layout(constant_id = 1) const int C = 32;
-layout(constant_id = 2) const int CB = 8; // 4 or 8
-layout(constant_id = 3) const int K = 3;
-layout(constant_id = 4) const int S = 1; // K 1: 1, K 5: 2
-layout(constant_id = 5) const int PLANE = 144; // elements from a channel of `in` to the next
-layout(constant_id = 6) const int INIT = 1;
+layout(constant_id = 2) const int K = 3;
+layout(constant_id = 3) const int S = 1; // K 1: 1, K 5: 2
+layout(constant_id = 4) const int PLANE = 144; // elements from a channel of `in` to the next
+layout(constant_id = 5) const int INIT = 1;
+
+const int CB = 4; // output channels
 
 const int ROWS = S + K; // input rows of two output rows
 const int PRODUCTS = K == 1 ? 2 : (S == 1 ? 4 : (K == 3 ? 5 : 7));

@@ -30,10 +30,11 @@
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const int LX = 8;
 layout(constant_id = 1) const int C = 32;
-layout(constant_id = 2) const int CB = 8; // 4 or 8
-layout(constant_id = 3) const int K = 3;
-layout(constant_id = 4) const int PLANE = 144; // elements from a channel of `in` to the next
-layout(constant_id = 5) const int INIT = 1; // 0: nothing to start from
+layout(constant_id = 2) const int K = 3;
+layout(constant_id = 3) const int PLANE = 144; // elements from a channel of `in` to the next
+layout(constant_id = 4) const int INIT = 1; // 0: nothing to start from
+
+const int CB = 4; // output channels
 
 const int SIDE = (K + 1) / 2; // inputs that meet an output, along an axis, over all phases
 
