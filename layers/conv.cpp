@@ -130,10 +130,9 @@ std::string explain_convolutions(const DeviceInfo& info) {
                "--precision float16: " + (has_float16(info) ? "yes" : "no, the device lacks it") +
                "\n";
     }
-    return text +
-           "row (shaders/conv_row.comp, conv_row_up.comp), a lane a pixel, for networks whose "
-           "channels are multiples of " +
-           std::to_string(kConvRowGroup) +
+    return text + "row (shaders/conv_row.comp, conv_row_up.comp), a lane a pixel, with " +
+           std::to_string(kConvRowLanes) + " lanes (here " + std::to_string(info.subgroup_size) +
+           ") for networks whose channels are multiples of " + std::to_string(kConvRowGroup) +
            ": 0.4 to 0.85 of lane's time at their shapes\n"
            "lane (shaders/conv_lane.comp), a lane an output channel in blocks of " +
            std::to_string(channel_block(info)) +
@@ -152,7 +151,9 @@ ConvFamily row_family(const DeviceInfo& info, std::span<const uint32_t> out_chan
     const bool whole = std::ranges::all_of(
         out_channels, [](uint32_t channels) { return channels % kConvRowGroup == 0; });
     const ConvFamily family = conv_family(info);
-    return family == ConvFamily::lane && whole ? ConvFamily::row : family;
+    return family == ConvFamily::lane && whole && info.subgroup_size == kConvRowLanes
+               ? ConvFamily::row
+               : family;
 }
 
 ConvFamily row_family(const DeviceInfo& info, std::span<const uint32_t> out_channels,

@@ -35,11 +35,15 @@ std::string explain_convolutions(const DeviceInfo& info);
 /// Channels a block of a tensor that convolutions work on: 8, or the subgroup's 16 lanes.
 uint32_t channel_block(const DeviceInfo& info);
 
+constexpr uint32_t kConvRowGroup = 4; ///< output channels a workgroup of the row family
+/// Lanes that the row family is fast with: with 16 (LP_NATIVE_VECTOR_WIDTH=512) loads no longer
+/// become vector loads, and networks take five times as long on Mesa 25.0.7.
+constexpr uint32_t kConvRowLanes = 8;
+
 /// The family for a network part whose convolutions have these output channels: row instead of lane
-/// where all are multiples of kConvRowGroup. It knows 3x3, 5x5 of stride 2 and transposed ones, and
-/// is faster at each shape of the fusion network, 15x12 included (figures: shaders/conv_row.comp).
+/// where all are multiples of kConvRowGroup. It knows 1x1, 3x3, 5x5 of stride 2 and transposed
+/// ones, and is faster at each shape of the networks, 15x12 included (shaders/conv_row.comp).
 ConvFamily row_family(const DeviceInfo& info, std::span<const uint32_t> out_channels);
-constexpr uint32_t kConvRowGroup = 4; ///< output channels a workgroup of it
 /// The same for parts whose largest tensor, `most` elements, may be more than the device binds:
 /// tensors by rows are bound as a whole, those of the other families a few channels at a time.
 ConvFamily row_family(const DeviceInfo& info, std::span<const uint32_t> out_channels,

@@ -1,16 +1,18 @@
 """What the fusion network is trained on and for; see training.py."""
 import numpy as np
 import torch
+import torch.nn.functional as F
 
 from fusion import ANCHORS, Fusion
 from training import psnr
 
-WEIGHTS = {"frames": 10.0, "log": 0.3, "mean": 250.0}
+WEIGHTS = {"frames": 10.0, "log": 0.3, "mean": 250.0, "structure": 2.0}
 LARGEST_GRADIENT = 2.0
 SIZES = {"tiny": ((8, 16, 32, 48), (4, 8, 16)), "small": ((16, 32, 64, 96), (8, 16, 32)),
          "base": ((32, 64, 96, 128), (16, 32, 48))}
 FRAMES = 2      # of a scene's random times, a step
 SATURATED = 0.97    # blurry values from here on may be less than the mean
+STRIDE = 3      # of the loss's windows of SSIM: every one of them would double the time of a step
 
 
 def config(args):
@@ -79,10 +81,25 @@ def forward(model, b, mixed=False):
     return model(exposure, b["prior"], b["surfaces"], b["times"], mixed)
 
 
+def similarity(a, b, stride=1):
+    """Mean SSIM of frames N x T x H x W in [0, 1], windows of 7x7 pixels inside the frames (skimage's defaults)."""
+    def mean(x):
+        return F.avg_pool2d(x, 7, stride)
+
+    def covariance(x, mean_x, y, mean_y):
+        return 49 / 48 * (mean(x * y) - mean_x * mean_y)    # unbiased
+    mean_a, mean_b = mean(a), mean(b)
+    small, steady = 0.01 ** 2, 0.03 ** 2
+    structure = (2 * covariance(a, mean_a, b, mean_b) + steady) / (
+        covariance(a, mean_a, a, mean_a) + covariance(b, mean_b, b, mean_b) + steady)
+    return ((2 * mean_a * mean_b + small) / (mean_a ** 2 + mean_b ** 2 + small) * structure).mean()
+
+
 def losses(model, b, rng, progress, mixed):
     frames, truth = forward(model, b, mixed), b["truth"]
     terms = {"frames": torch.sqrt((frames - truth).square() + 1e-6).mean(),
-             "log": torch.log((frames - truth).square().mean((2, 3)) + 1e-5).mean()}
+             "log": torch.log((frames - truth).square().mean((2, 3)) + 1e-5).mean(),
+             "structure": 1 - similarity(frames, truth, STRIDE)}
     if truth.shape[1] == ANCHORS:
         # The prior's mean over the exposure is the blurry frame: so must be that of what corrects it.
         change = frames - b["prior"]
@@ -93,13 +110,14 @@ def losses(model, b, rng, progress, mixed):
 
 
 def validate(model, scenes, device, count=40):
-    """Mean PSNR (dB) of the blurry frame, the prior and the result at the scenes' random times."""
+    """Mean PSNR (dB) of the blurry frame, the prior and the result at the scenes' random times; the result's SSIM."""
     figures = []
     for i in range(min(count, len(scenes))):
         b = stack([scenes.scene(i)], device)
         frames = forward(model, b)
-        figures.append([psnr(f, b["truth"]) for f in (b["blurry"].expand_as(frames), b["prior"], frames)])
-    return dict(zip(("blurry", "prior", "fused"), np.mean(figures, 0)))
+        figures.append([psnr(f, b["truth"]) for f in (b["blurry"].expand_as(frames), b["prior"], frames)]
+                       + [float(similarity(frames.clamp(0, 1), b["truth"]))])
+    return dict(zip(("blurry", "prior", "fused", "SSIM"), np.mean(figures, 0)))
 
 
 def export(model, dtype, text):

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 import torch
 import torch.nn.functional as F
+from skimage.metrics import structural_similarity
 
 HERE = os.path.dirname(os.path.abspath(__file__))
 sys.path.insert(0, HERE)
@@ -342,6 +343,13 @@ class FusionTest(unittest.TestCase):
         for size in ((9, 13), (10, 14), (9, 14)):
             skip = torch.randn(2, 4, *size)
             self.assertTrue(torch.allclose(up(x, skip), F.relu(up.conv(x, output_size=size) + skip), atol=1e-5))
+
+    def test_similarity_is_that_of_the_benchmark(self):
+        truth = np.random.default_rng(5).uniform(0, 1, (2, 33, 40)).round(2)
+        frames = (truth * 0.9 + np.random.default_rng(6).normal(0, 0.1, truth.shape)).clip(0, 1)
+        expected = np.mean([structural_similarity(a, b, data_range=1) for a, b in zip(frames, truth)])
+        found = task_fusion.similarity(torch.from_numpy(frames)[None], torch.from_numpy(truth)[None])
+        self.assertAlmostEqual(float(found), expected, places=9)
 
     def test_starts_from_the_prior_and_takes_any_size(self):
         model = task_fusion.build({"trunk": (8, 8, 8, 8), "head": (8, 8, 8)}).eval()
