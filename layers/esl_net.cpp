@@ -122,7 +122,7 @@ void EslNet::record(Program& program, const Tensor& blurry, const Tensor& histog
     endconv_.record(program, image, output);
 }
 
-EslNetMethod::EslNetMethod(std::shared_ptr<Device> device, const SafeTensors& weights,
+EslNetMethod::EslNetMethod(const std::shared_ptr<Device>& device, const SafeTensors& weights,
                            uint32_t height, uint32_t width)
     : EslNetMethod(device,
                    std::make_shared<const EslNet>(*device, weights,

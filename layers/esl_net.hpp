@@ -59,7 +59,7 @@ private:
 /// counts alone.
 class EslNetMethod : public Method {
 public:
-    EslNetMethod(std::shared_ptr<Device> device, const SafeTensors& weights, uint32_t height,
+    EslNetMethod(const std::shared_ptr<Device>& device, const SafeTensors& weights, uint32_t height,
                  uint32_t width);
 
     /// Does all the work, so that frames do not overlap; each takes the device long.
