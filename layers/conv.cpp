@@ -168,8 +168,14 @@ Layout conv_layout(const DeviceInfo& info, ConvFamily family, uint32_t channels,
         return {channels, height, width, channel_block(info), halo};
     }
     constexpr uint32_t kPitchStep = 8; // pipelines of the row family depend on the pitch
-    const uint32_t pitch = ceil_div(width + 2 * halo, kPitchStep) * kPitchStep;
+    const uint32_t pitch = round_up(width + 2 * halo, kPitchStep);
     return {channels, height, width, 1, halo, pitch, channels};
+}
+
+Layout image_layout(const DeviceInfo& info, ConvFamily family, uint32_t channels, uint32_t height,
+                    uint32_t width, uint32_t halo) {
+    return family == ConvFamily::row ? conv_layout(info, family, channels, height, width, halo)
+                                     : Layout{channels, height, width, 1, halo};
 }
 
 ChannelMap channel_range(uint32_t first, uint32_t count) {

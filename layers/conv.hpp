@@ -52,6 +52,10 @@ ConvFamily row_family(const DeviceInfo& info, std::span<const uint32_t> out_chan
 /// The layout of a tensor between convolutions of a family.
 Layout conv_layout(const DeviceInfo& info, ConvFamily family, uint32_t channels, uint32_t height,
                    uint32_t width, uint32_t halo = 0);
+/// The layout of what a family's first convolution reads, and other kernels read and write plane by
+/// plane.
+Layout image_layout(const DeviceInfo& info, ConvFamily family, uint32_t channels, uint32_t height,
+                    uint32_t width, uint32_t halo = 0);
 
 struct ConvDesc {
     uint32_t out_channels = 1;

@@ -3,6 +3,7 @@
 #include <string>
 
 #include "layers/conv.hpp"
+#include "layers/shapes.hpp"
 #include "runtime/error.hpp"
 
 // Where the weights of a convolution go: the order in which the kernels read them.
@@ -12,10 +13,6 @@ namespace {
 
 [[noreturn]] void fail(const std::string& what) {
     throw Error(ExitCode::device, "conv: " + what);
-}
-
-uint32_t round_up(uint32_t value, uint32_t multiple) {
-    return (value + multiple - 1) / multiple * multiple;
 }
 
 /// So that what comes next can be bound when a value takes `bytes`.

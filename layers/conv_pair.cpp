@@ -97,7 +97,7 @@ ConvPair::ConvPair(Device& device, uint32_t channels, uint32_t hidden, std::span
 void ConvPair::pack(std::span<const float> first, std::span<const float> second) {
     const uint32_t each = channels_ * kTaps + kTaps; // weights of a hidden channel
     const uint32_t most = std::max(kTogether, kMostTaps / each / kTogether * kTogether);
-    const uint32_t padded = ceil_div(hidden_, kTogether) * kTogether;
+    const uint32_t padded = round_up(hidden_, kTogether);
     std::vector<float> all(size_t{padded} * each);
     for (uint32_t o = 0; o < hidden_; ++o) {
         const size_t group = size_t{o / kTogether} * kTogether * each;

@@ -39,7 +39,7 @@ std::vector<float> middle_bias(float bias, uint32_t taps, uint32_t planes) {
 ConvPlane::ConvPlane(Device& device, uint32_t channels, uint32_t kernel,
                      std::span<const float> weight, float bias, ConvFamily family)
     : device_(device), kernel_(kernel), family_(family),
-      planes_(ceil_div(kernel * kernel, kConvRowGroup) * kConvRowGroup),
+      planes_(round_up(kernel * kernel, kConvRowGroup)),
       taps_(device, {.out_channels = planes_, .kernel = 1}, {channel_range(0, channels)},
             tap_major(weight, channels, planes_), middle_bias(bias, kernel * kernel, planes_),
             family) {}

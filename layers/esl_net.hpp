@@ -28,8 +28,7 @@ public:
     /// Of record()'s blurry frame and histogram.
     [[nodiscard]] Layout blurry_layout(const DeviceInfo& info, uint32_t height,
                                        uint32_t width) const {
-        return family_ == ConvFamily::row ? conv_layout(info, family_, 1, height, width)
-                                          : Layout{1, height, width};
+        return image_layout(info, family_, 1, height, width);
     }
     [[nodiscard]] Layout histogram_layout(const DeviceInfo& info, uint32_t height,
                                           uint32_t width) const {

@@ -41,13 +41,6 @@ ConvFamily network_family(const DeviceInfo& info, const FusionWidths& widths) {
     return row_family(info, channels);
 }
 
-/// Images that a first convolution reads, and other kernels read and write plane by plane.
-Layout image_layout(const DeviceInfo& info, ConvFamily family, uint32_t channels, uint32_t height,
-                    uint32_t width, uint32_t halo) {
-    return family == ConvFamily::row ? conv_layout(info, family, channels, height, width, halo)
-                                     : Layout{channels, height, width, 1, halo};
-}
-
 /// The mixed features, dense, at a quarter of the size.
 Layout mixed_layout(const DeviceInfo& info, ConvFamily family, uint32_t channels, uint32_t height,
                     uint32_t width) {

@@ -13,6 +13,11 @@ constexpr uint32_t ceil_div(uint32_t value, uint32_t divisor) {
     return (value + divisor - 1) / divisor;
 }
 
+/// The least multiple that is not below the value.
+constexpr uint32_t round_up(uint32_t value, uint32_t multiple) {
+    return ceil_div(value, multiple) * multiple;
+}
+
 /// What the layers share to check tensors and to tell kernels where they lie.
 
 /// Origin of a dense tensor as a kernel sees it that reads `words` floats as one element.

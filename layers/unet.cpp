@@ -122,7 +122,7 @@ UNet::UNet(Device& device, const SafeTensors& weights, uint32_t bins, uint32_t k
     std::vector<float> weight =
         weights.get("unet.pred.weight", {keypoints, channels + input_channels, 1, 1});
     std::vector<float> bias = weights.get("unet.pred.bias", {keypoints});
-    predicted_ = ceil_div(keypoints, kConvRowGroup) * kConvRowGroup;
+    predicted_ = round_up(keypoints, kConvRowGroup);
     weight.resize(size_t{predicted_} * (channels + input_channels));
     bias.resize(predicted_);
     prediction_ = std::make_unique<Conv>(device, ConvDesc{.out_channels = predicted_, .kernel = 1},

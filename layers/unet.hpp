@@ -31,8 +31,7 @@ public:
     /// Of record()'s blurry frame, which other kernels read too.
     [[nodiscard]] Layout blurry_layout(const DeviceInfo& info, uint32_t height,
                                        uint32_t width) const {
-        return family_ == ConvFamily::row ? input_layout(info, 1, height, width)
-                                          : Layout{1, height, width, 1, kInputHalo};
+        return image_layout(info, family_, 1, height, width, kInputHalo);
     }
 
     /// blurry: 1 channel, histogram: `bins`, keypoints: `keypoints`, their halos zeros.

@@ -1,5 +1,6 @@
 #version 460
-// A 1x1, 3x3 or (stride 2) 5x5 convolution of stride 1 or 2 for drivers that run on a CPU (lavapipe), on tensors by rows:
+// A convolution, 1x1 of stride 1, 3x3 of stride 1 or 2, or 5x5 of stride 2, for drivers that run on a CPU
+// (lavapipe), on tensors by rows:
 //
 //   out[o][y][x] = max(floor, init[o][y][x] + bias[o]
 //                             + sum over i < C, ky, kx < K of  w[o][i][ky][kx] in[i][S y + ky][S x + kx])
@@ -8,7 +9,8 @@
 // layers/conv_row.cpp.
 //
 // Two output rows at once take fewer multiplications than one after the other (Winograd's F(2, 3) down the
-// columns, Cook-Toom's F(2, 2)). With rows d of the input and g of the kernel, two rows of 3 taps are
+// columns, Cook-Toom's F(2, 2)); 1x1 takes the plain two. With rows d of the input and g of the kernel, two
+// rows of 3 taps are
 //   y0 = (d0 - d2) g0 + (d1 + d2) (g0 + g1 + g2) / 2 + (d2 - d1) (g0 - g1 + g2) / 2
 //   y1 =                (d1 + d2) (g0 + g1 + g2) / 2 - (d2 - d1) (g0 - g1 + g2) / 2 + (d3 - d1) g2
 // and of 2 taps

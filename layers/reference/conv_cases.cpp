@@ -97,7 +97,7 @@ void collect_ecir(Collector& add) {
     }
     add.add(1, {.kernel = 1,
                 .inputs = {1, decoder[3], config.bins, config.keypoints},
-                .out = ceil_div(config.keypoints, kConvRowGroup) * kConvRowGroup,
+                .out = round_up(config.keypoints, kConvRowGroup),
                 .relu = false,
                 .planar = 1});
 }
