@@ -1,5 +1,6 @@
 #include "layers/fusion.hpp"
 
+#include "layers/consistency.hpp"
 #include "layers/elementwise.hpp"
 #include "layers/fusion_fetch.hpp"
 #include "layers/motion.hpp"
@@ -62,14 +63,20 @@ void FusionMethod::record_corrected_frames(Program& program, const PriorInput& i
     const FusionHead::Tensors head = networks_->head.prepare(program, height_, width_);
     const Tensor away = program.temporary(away_layout(height_, width_));
     const Tensor state = program.cleared(prior_state_layout(height_, width_));
-    for (uint32_t i = 0; i < output_.layout().channels; ++i) {
+    const Tensor consistency = program.cleared(consistency_state_layout(height_, width_));
+    const uint32_t frames = output_.layout().channels;
+    for (uint32_t i = 0; i < frames; ++i) {
         const Tensor instant = instants_.channels(i, 1);
+        const Tensor frame = output_.channels(i, 1);
         record_prior_frame(program, input, exposure.base, instant, state, head.planes);
         record_trajectory(program, moved, instant, away);
         record_fusion_fetch(program, exposure.anchors, away, instant, head.planes);
         record_fusion_mix(program, features, instant, head.mixed);
-        networks_->head.record(program, head, output_.channels(i, 1));
+        networks_->head.record(program, head, frame);
+        record_consistency(program, frame, head.planes.channels(0, 1), blurry_, instant,
+                           consistency, i + 1 == frames);
     }
+    record_consistent(program, consistency, output_);
 }
 
 void FusionMethod::record_prior_frames(Program& program, const PriorInput& input,

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <string>
 
 #include "runtime/error.hpp"
@@ -27,7 +28,26 @@ Instant::Instant(double normalised) : time(static_cast<float>(normalised)) {
 }
 
 std::vector<Instant> make_instants(std::span<const double> times) {
-    return {times.begin(), times.end()};
+    std::vector<Instant> instants(times.begin(), times.end());
+    std::vector<size_t> order(times.size());
+    std::iota(order.begin(), order.end(), size_t{0});
+    std::ranges::stable_sort(order, {}, [&](size_t i) { return times[i]; });
+    double reach = 0; // furthest from a time
+    double begin = -1;
+    for (size_t k = 0; k < order.size(); ++k) {
+        const double time = times[order[k]];
+        const bool last = k + 1 == order.size();
+        const double end = last ? 1 : (time + times[order[k + 1]]) / 2;
+        instants[order[k]].share = static_cast<float>((end - begin) / 2);
+        reach = std::max({reach, time - begin, end - time});
+        begin = end;
+    }
+    if (constexpr double rounding = 1e-6; reach > exposure_reach + rounding) {
+        for (Instant& instant : instants) {
+            instant.share = 0;
+        }
+    }
+    return instants;
 }
 
 } // namespace ecir

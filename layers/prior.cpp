@@ -68,7 +68,8 @@ static_assert(WINDOWS == prior_windows && WINDOWS == GAPS * WINDOWS_A_GAP);
 static_assert(offsetof(Instant, time) == size_t{4} * INSTANT_TIME &&
               offsetof(Instant, place) == size_t{4} * INSTANT_PLACE &&
               offsetof(Instant, below) == size_t{4} * INSTANT_BELOW &&
-              offsetof(Instant, rank) == size_t{4} * INSTANT_RANKS);
+              offsetof(Instant, rank) == size_t{4} * INSTANT_RANKS &&
+              offsetof(Instant, share) == size_t{4} * INSTANT_SHARE);
 static_assert(PLANE_SURFACES == PLANE_DIFFERENCES + ANCHORS && PLANE_TIME + 1 == plane_count);
 } // namespace shader
 

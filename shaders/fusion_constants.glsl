@@ -13,6 +13,7 @@ const uint INSTANT_TIME = 0;
 const uint INSTANT_PLACE = 1;
 const uint INSTANT_BELOW = 2;
 const uint INSTANT_RANKS = 3; // the first
+const uint INSTANT_SHARE = 12;
 
 // Channels of the head's input.
 const uint PLANE_PRIOR = 0;

@@ -8,6 +8,7 @@
 #include "layers/fusion.hpp"
 #include "layers/motion.hpp"
 #include "layers/operations.hpp"
+#include "layers/reference/consistency.hpp"
 #include "layers/reference/histogram.hpp"
 #include "runtime/error.hpp"
 #include "tests/fixture.hpp"
@@ -119,6 +120,63 @@ TEST_SUITE("fusion") {
         CHECK(Instant(0.2499).below == 4);
         CHECK_THROWS_AS(Instant(1.0001), Error);
         CHECK_THROWS_AS(Instant(std::nan("")), Error);
+    }
+
+    TEST_CASE(
+        "shares of the exposure: what is nearest to each time, nothing where times leave gaps") {
+        const auto shares = [](const std::vector<double>& times) {
+            std::vector<float> found;
+            for (const Instant& instant : make_instants(times)) {
+                found.push_back(instant.share);
+            }
+            return found;
+        };
+        CHECK(shares({-1, -0.5, 0, 0.5, 1}) ==
+              std::vector<float>{0.125F, 0.25F, 0.25F, 0.25F, 0.125F});
+        CHECK(shares({0.75, -0.75, 0.25, -0.25}) == std::vector<float>(4, 0.25F));
+        CHECK(shares({0, -0.5, 0.5, 0, 1, -1}) ==
+              std::vector<float>{0.125F, 0.25F, 0.25F, 0.125F, 0.125F, 0.125F});
+        CHECK(shares({-1, 0, 1}) == std::vector<float>(3, 0));
+        CHECK(shares({-0.7, -0.25, 0.25, 0.75}) ==
+              std::vector<float>(4, 0)); // the start is too far
+        CHECK(shares({0.3}) == std::vector<float>(1, 0));
+        CHECK(shares({}).empty());
+    }
+
+    TEST_CASE("frames that cover the exposure get one change, with which their mean is the "
+              "captured frame") {
+        const auto device = Device::open();
+        const FusionFixture fixture;
+        const size_t pixels = size_t{fixture.width} * fixture.height;
+        FusionMethod method(device, fixture.file, fixture.height, fixture.width);
+        FusionMethod without(device, fixture.file, fixture.height, fixture.width, false);
+        FrameInput input = fixture.input();
+        const auto all = even_times(9);
+        input.times = all;
+        const auto covering = method.frames(input);
+        const std::vector<float> together(covering.begin(), covering.end());
+        const auto uncorrected = without.frames(input);
+        const std::vector<float> prior(uncorrected.begin(), uncorrected.end());
+        std::vector<float> alone;
+        for (const double& time : all) {
+            input.times = std::span(&time, 1);
+            const auto frame = method.frames(input);
+            alone.insert(alone.end(), frame.begin(), frame.end());
+        }
+        std::vector<float> shares;
+        for (const Instant& instant : make_instants(all)) {
+            shares.push_back(instant.share);
+        }
+        const auto expected = reference::consistent(
+            alone, prior, fixture.file.get("input.blurry").values, shares, fixture.width);
+        double most = 0;
+        double change = 0;
+        for (size_t i = 0; i < all.size() * pixels; ++i) {
+            most = std::max(most, std::abs(together[i] - expected[i]));
+            change = std::max(change, std::abs(double{together[i]} - alone[i]));
+        }
+        CHECK(most < 1e-5);
+        CHECK(change > 0.01);
     }
 
     TEST_CASE("thresholds given or estimated, and the options that it lacks") {
