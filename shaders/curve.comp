@@ -18,7 +18,8 @@
 // offsets                 ordered: [height * width + 1], events of pixel p are offsets[p] ... offsets[p + 1] - 1
 // frames                  any layout, `count` channels: rows `row`, row + 1, ... of S
 // Precondition: count <= FRAMES; width <= 64 x groups.x, height = groups.y.
-// Tile: one pixel an invocation, 64 x 1 pixels a workgroup; loops over n and FRAMES unrolled.
+// Tile: one pixel an invocation, 64 x 1 pixels a workgroup; loops over n and FRAMES unrolled. All loads come
+// before the only branch: behind one lavapipe makes them lane by lane, which takes twice the time.
 layout(local_size_x = 64) in;
 layout(constant_id = 0) const uint n = 10;
 layout(constant_id = 1) const uint spaced = 1; // 1: keypoints are spread to `spacing` first
@@ -56,18 +57,18 @@ uint order_at(uint x, uint y) {
     const uint left = max(x, 1) - 1;
     const uint right = min(x + 1, width - 1);
     uint events = 0;
-    for (uint row_of = max(y, 1) - 1; row_of <= min(y + 1, height - 1); ++row_of) {
-        events += offsets[row_of * width + right + 1] - offsets[row_of * width + left];
+    [[unroll]] for (int dy = -1; dy <= 1; ++dy) {
+        const int row_of = clamp(int(y) + dy, 0, int(height) - 1);
+        const uint begin = uint(row_of) * width;
+        events += row_of == int(y) + dy ? offsets[begin + right + 1] - offsets[begin + left] : 0;
     }
     return min(events, n);
 }
 
 void main() {
-    const uint x = gl_GlobalInvocationID.x;
+    const uint column = gl_GlobalInvocationID.x;
+    const uint x = min(column, width - 1);
     const uint y = gl_WorkGroupID.y;
-    if (x >= width) {
-        return;
-    }
     float t[n];
     [[unroll]] for (uint i = 0; i < n; ++i) {
         t[i] = keypoints[element(keypoints_layout, keypoint_channel + i, y, x)];
@@ -131,13 +132,22 @@ void main() {
     }
 
     const float mean = blurry[element(blurry_layout, blurry_channel, y, x)];
+    float found[FRAMES];
     [[unroll]] for (uint f = 0; f < FRAMES; ++f) {
-        if (f < count) {
-            float change = 0;
-            [[unroll]] for (uint k = 0; k < n; ++k) {
-                change += matrix[(rows + row + f) * n + k] * value[k];
+        const uint own = (rows + row + min(f, count - 1)) * n;
+        found[f] = mean;
+        [[unroll]] for (uint k = 0; k < n; ++k) {
+            found[f] += matrix[own + k] * value[k];
+        }
+    }
+    const uint target = element(frames_layout, 0, y, x);
+    const uint plane = frames_layout.plane;
+    const uint last = count;
+    if (column < width) {
+        [[unroll]] for (uint f = 0; f < FRAMES; ++f) {
+            if (f < last) {
+                frames[target + f * plane] = found[f];
             }
-            frames[element(frames_layout, f, y, x)] = mean + change;
         }
     }
 }

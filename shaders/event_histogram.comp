@@ -53,10 +53,13 @@ void main() {
     const uint pixel = y * width + x;
     uint begin = offsets[pixel];
     const uint end = offsets[pixel + 1];
+    uint after = begin;
+    uint reached = 0; // ordinal where the interval before ended: mostly where the next one begins
     for (uint i = 0; i < count; ++i) {
         const uvec2 interval = intervals[first + i];
-        begin = first_from(begin, end, interval.x);
-        const uint after = first_from(begin, end, interval.y);
+        begin = interval.x == reached ? after : first_from(begin, end, interval.x);
+        after = first_from(begin, end, interval.y);
+        reached = interval.y;
         uint positive = 0;
         if (after > begin) {
             positive = positives[after] - positives[begin];
