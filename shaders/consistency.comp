@@ -37,16 +37,19 @@ layout(push_constant) uniform Push {
 };
 
 void main() {
-    const uint x = gl_GlobalInvocationID.x;
+    const uint column = gl_GlobalInvocationID.x;
+    const uint x = min(column, width - 1);
     const uint y = gl_WorkGroupID.y;
-    if (x >= width) {
-        return;
-    }
     const float share = instant[instant_origin + INSTANT_SHARE];
     const float value = frame[frame_origin + y * frame_row + x];
+    const float change = value - prior[prior_origin + y * prior_row + x];
     const uint at = state_origin + y * width + x;
-    const float sum = state[at] - share * (value - prior[prior_origin + y * prior_row + x]);
-    const float most = max(state[at + width * height], max(value, blurry[blurry_origin + y * blurry_row + x]));
-    state[at] = most < limit ? sum : 0;
-    state[at + width * height] = most;
+    const uint second = at + width * height;
+    const float sum = state[at] - share * change;
+    const float most = max(state[second], max(value, blurry[blurry_origin + y * blurry_row + x]));
+    const float kept = most < limit ? sum : 0;
+    if (column < width) {
+        state[at] = kept;
+        state[second] = most;
+    }
 }
