@@ -15,7 +15,7 @@ std::shared_ptr<const FusionMethod::Networks> FusionMethod::load(Device& device,
         Networks{FusionTrunk(device, weights, widths), FusionHead(device, weights, widths)});
 }
 
-FusionMethod::FusionMethod(std::shared_ptr<Device> device, const SafeTensors& weights,
+FusionMethod::FusionMethod(const std::shared_ptr<Device>& device, const SafeTensors& weights,
                            uint32_t height, uint32_t width, bool correct)
     : FusionMethod(device, load(*device, weights), height, width, correct) {}
 

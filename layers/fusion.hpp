@@ -12,7 +12,7 @@ class FusionMethod : public Method {
 public:
     /// `correct`: false for the prior alone. Throws Error(bad_input) for weights that are not such
     /// a network's.
-    FusionMethod(std::shared_ptr<Device> device, const SafeTensors& weights, uint32_t height,
+    FusionMethod(const std::shared_ptr<Device>& device, const SafeTensors& weights, uint32_t height,
                  uint32_t width, bool correct = true);
 
     void begin(const FrameInput& input) override;

@@ -287,6 +287,7 @@ TEST_SUITE("cli deblur") {
         must(scene.deblur(scene.result("reported"), Arguments{"--report", file} + kEdi));
         const auto report = nlohmann::json::parse(get(file));
         CHECK(report["device"].is_string());
+        CHECK(report["precision"] == "float32");
         REQUIRE(report["exposures"].size() == 1);
         const auto& exposure = report["exposures"][0];
         CHECK(exposure["start_us"] == 1600000000000000);

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cstdlib>
 #include <string>
 
 #include "layers/deblur.hpp"
@@ -12,16 +13,17 @@ namespace {
 
 /// [1 4 6 4 1] / 16 along one axis; beyond the border its values repeat.
 std::vector<double> smooth(const std::vector<double>& from, int width, bool vertical) {
-    constexpr std::array kWeights = {1, 4, 6, 4, 1};
+    constexpr int kReach = 2;
+    constexpr std::array kWeights = {6, 4, 1}; // of the middle and at 1, 2 steps
     const int height = static_cast<int>(from.size()) / width;
     std::vector<double> to(from.size());
     for (int y = 0; y < height; ++y) {
         for (int x = 0; x < width; ++x) {
             double sum = 0;
-            for (int k = -2; k <= 2; ++k) {
+            for (int k = -kReach; k <= kReach; ++k) {
                 const int row = std::clamp(y + (vertical ? k : 0), 0, height - 1);
                 const int column = std::clamp(x + (vertical ? 0 : k), 0, width - 1);
-                sum += kWeights.at(static_cast<size_t>(k + 2)) / 16.0 *
+                sum += kWeights.at(static_cast<size_t>(std::abs(k))) / 16.0 *
                        from[static_cast<size_t>(row) * static_cast<size_t>(width) +
                             static_cast<size_t>(column)];
             }
@@ -109,6 +111,7 @@ Trial consistency_trial(Device& device, uint32_t trial) {
     const auto blurry_values = random.values(pixels, 0, brightest);
     const auto made = make_instants(even_times(count));
     std::vector<float> shares;
+    shares.reserve(made.size());
     for (const Instant& instant : made) {
         shares.push_back(instant.share);
     }

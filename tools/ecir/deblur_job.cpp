@@ -90,7 +90,7 @@ public:
         ExposureReader reader(job_, recording_, job_.lag.value_or(lag_.value_or(0)));
         device_ = open_device(job_.device, job_.precision);
         if (!job_.report.empty()) {
-            report_.emplace(job_.report, job_.overwrite, device_->info().name,
+            report_.emplace(job_.report, job_.overwrite, *device_,
                             job_.lag.value_or(lag_.value_or(0)), lag_);
         }
         if (device_->info().is_cpu && job_.device.empty()) {

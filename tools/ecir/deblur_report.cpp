@@ -5,6 +5,8 @@
 #include <functional>
 #include <nlohmann/json.hpp>
 
+#include "tools/ecir/precision.hpp"
+
 namespace ecir::cli {
 namespace {
 
@@ -104,11 +106,11 @@ Json describe(const ExposureReport& exposure) {
 
 } // namespace
 
-DeblurReport::DeblurReport(const std::filesystem::path& file, bool overwrite,
-                           const std::string& device, int64_t lag,
-                           std::optional<int64_t> estimated_lag)
+DeblurReport::DeblurReport(const std::filesystem::path& file, bool overwrite, const Device& device,
+                           int64_t lag, std::optional<int64_t> estimated_lag)
     : output_(file, false, overwrite), writer_(output_.path()) {
-    write("{\n\"device\": " + Json(device).dump() + ",\n\"lag_us\": " + Json(lag).dump() +
+    write("{\n\"device\": " + Json(device.info().name).dump() + ",\n\"precision\": " +
+          Json(precision_name(device.precision())).dump() + ",\n\"lag_us\": " + Json(lag).dump() +
           ",\n\"estimated_lag_us\": " + (estimated_lag ? Json(*estimated_lag) : Json()).dump() +
           ",\n\"exposures\": [");
 }

@@ -8,6 +8,7 @@
 #include "layers/method.hpp"
 #include "layers/regions.hpp"
 #include "layers/scene_facts.hpp"
+#include "runtime/device.hpp"
 #include "tools/io/file.hpp"
 #include "tools/io/output.hpp"
 #include "tools/io/recording.hpp"
@@ -45,7 +46,7 @@ class DeblurReport {
 public:
     /// Lags of the events, microseconds: what was used, what was estimated. Throws Error as
     /// PendingOutput does.
-    DeblurReport(const std::filesystem::path& file, bool overwrite, const std::string& device,
+    DeblurReport(const std::filesystem::path& file, bool overwrite, const Device& device,
                  int64_t lag, std::optional<int64_t> estimated_lag);
     void add(const ExposureReport& exposure);
     /// Makes the file appear under its name.
