@@ -167,13 +167,13 @@ void Conv::record_row(Program& program, std::span<const Tensor> inputs, const Te
         if (desc_.transposed) {
             const std::array<uint32_t, 5> constants{lanes, slice.count, k, plane, block};
             dispatch.kernel = &device_.kernel("conv_row_up", constants, 1, sizeof(push));
-            dispatch.groups = {ceil_div(in.width, lanes), in.height, groups};
+            dispatch.groups = {ceil_div(in.width, lanes), groups, in.height};
             dispatch.label = "conv_row_up";
         } else {
             const std::array<uint32_t, 6> constants{lanes,        slice.count, k,
                                                     desc_.stride, plane,       block};
             dispatch.kernel = &device_.kernel("conv_row", constants, 1, sizeof(push));
-            dispatch.groups = {ceil_div(out.width, lanes), ceil_div(out.height, 2), groups};
+            dispatch.groups = {ceil_div(out.width, lanes), groups, ceil_div(out.height, 2)};
             dispatch.label = "conv_row";
         }
         // Of the plain sums, whatever products they take.

@@ -5,6 +5,7 @@
 #include <cctype>
 #include <charconv>
 
+#include "runtime/driver_threads.hpp"
 #include "runtime/error.hpp"
 #include "runtime/kernel.hpp"
 
@@ -216,6 +217,9 @@ Device::Device(std::shared_ptr<Instance> instance, VkPhysicalDevice physical, De
         create.pEnabledFeatures = &features;
     }
     vk_check(vkCreateDevice(physical_, &create, nullptr, &device_), "vkCreateDevice");
+    if (info_.is_cpu) {
+        pin_driver_threads();
+    }
     vkGetDeviceQueue(device_, queue_family_, 0, &queue_);
 
     fence_ = make_fence();

@@ -64,8 +64,8 @@ layout(push_constant, scalar) uniform Push {
 void main() {
     const uint lane = gl_SubgroupInvocationID;
     const uint x = uniform_id(gl_WorkGroupID.x) * LX;
-    const uint y = uniform_id(gl_WorkGroupID.y);
-    const uint group = uniform_id(gl_WorkGroupID.z);
+    const uint y = uniform_id(gl_WorkGroupID.z);
+    const uint group = uniform_id(gl_WorkGroupID.y);
     Quads weight = Quads(weight_address + uint64_t(group * (CB * (1 + C * K * K))) * 4ul);
 
     float sum[4 * CB]; // [phase of the row][of the column][CB]
