@@ -28,6 +28,37 @@ void spvc_check(spvc_result result, std::string_view name, const char* call) {
 /// On lavapipe they take a second and more to compile.
 constexpr size_t kManyKernels = 8;
 
+Handle<VkPipeline> make_pipeline(VkDevice vk, VkPipelineLayout layout,
+                                 std::span<const uint32_t> spirv,
+                                 std::span<const uint32_t> constants, VkPipelineCache cache) {
+    VkShaderModuleCreateInfo module_info{};
+    module_info.sType = VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO;
+    module_info.codeSize = spirv.size_bytes();
+    module_info.pCode = spirv.data();
+    VkShaderModule module_raw = VK_NULL_HANDLE;
+    vk_check(vkCreateShaderModule(vk, &module_info, nullptr, &module_raw), "vkCreateShaderModule");
+    const Handle<VkShaderModule> shader(module_raw, vk, vkDestroyShaderModule);
+
+    std::vector<VkSpecializationMapEntry> entries;
+    for (uint32_t i = 0; i < constants.size(); ++i) {
+        entries.push_back({i, i * 4, 4});
+    }
+    const VkSpecializationInfo specialization{static_cast<uint32_t>(entries.size()), entries.data(),
+                                              constants.size_bytes(), constants.data()};
+    VkComputePipelineCreateInfo info{};
+    info.sType = VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO;
+    info.stage.sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO;
+    info.stage.stage = VK_SHADER_STAGE_COMPUTE_BIT;
+    info.stage.module = shader.get();
+    info.stage.pName = "main";
+    info.stage.pSpecializationInfo = &specialization;
+    info.layout = layout;
+    VkPipeline pipeline = VK_NULL_HANDLE;
+    vk_check(vkCreateComputePipelines(vk, cache, 1, &info, nullptr, &pipeline),
+             "vkCreateComputePipelines");
+    return {pipeline, vk, vkDestroyPipeline};
+}
+
 } // namespace
 
 Reflection reflect(std::string_view name, std::span<const uint32_t> spirv) {
@@ -89,7 +120,7 @@ Reflection reflect(std::string_view name, std::span<const uint32_t> spirv) {
 }
 
 Kernel::Kernel(Device& device, std::string_view name, std::span<const uint32_t> constants,
-               VkPipelineCache cache)
+               VkPipelineCache cache, CompileQueue& queue)
     : name_(name) {
     const auto spirv = embedded_shader(name);
     reflection_ = reflect(name, spirv);
@@ -127,36 +158,15 @@ Kernel::Kernel(Device& device, std::string_view name, std::span<const uint32_t> 
     vk_check(vkCreatePipelineLayout(vk, &layout_info, nullptr, &layout), "vkCreatePipelineLayout");
     layout_ = Handle<VkPipelineLayout>(layout, vk, vkDestroyPipelineLayout);
 
-    VkShaderModuleCreateInfo module_info{};
-    module_info.sType = VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO;
-    module_info.codeSize = spirv.size_bytes();
-    module_info.pCode = spirv.data();
-    VkShaderModule module_raw = VK_NULL_HANDLE;
-    vk_check(vkCreateShaderModule(vk, &module_info, nullptr, &module_raw), "vkCreateShaderModule");
-    const Handle<VkShaderModule> shader(module_raw, vk, vkDestroyShaderModule);
-
-    std::vector<VkSpecializationMapEntry> entries;
-    for (uint32_t i = 0; i < constants.size(); ++i) {
-        entries.push_back({i, i * 4, 4});
-    }
-    const VkSpecializationInfo specialization{static_cast<uint32_t>(entries.size()), entries.data(),
-                                              constants.size_bytes(), constants.data()};
-    VkComputePipelineCreateInfo info{};
-    info.sType = VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO;
-    info.stage.sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO;
-    info.stage.stage = VK_SHADER_STAGE_COMPUTE_BIT;
-    info.stage.module = shader.get();
-    info.stage.pName = "main";
-    info.stage.pSpecializationInfo = &specialization;
-    info.layout = layout;
-    VkPipeline pipeline = VK_NULL_HANDLE;
-    vk_check(vkCreateComputePipelines(vk, cache, 1, &info, nullptr, &pipeline),
-             "vkCreateComputePipelines");
-    pipeline_ = Handle<VkPipeline>(pipeline, vk, vkDestroyPipeline);
+    pipeline_ = queue.add(
+        [vk, layout, cache, spirv, values = std::vector(constants.begin(), constants.end())] {
+            return make_pipeline(vk, layout, spirv, values, cache);
+        });
 }
 
 KernelCache::KernelCache(Device& device)
-    : device_(device), file_(cache_file(device.info(), ".pipelines")),
+    : device_(device), queue_(std::make_unique<CompileQueue>()),
+      file_(cache_file(device.info(), ".pipelines")),
       known_(file_.empty() ? std::string() : file_ + ".list") {
     std::vector<char> data;
     if (std::ifstream in{file_, std::ios::binary}) {
@@ -174,6 +184,7 @@ KernelCache::KernelCache(Device& device)
 }
 
 KernelCache::~KernelCache() {
+    queue_.reset();
     // The cache only saves time: whatever goes wrong here, the next run compiles again.
     known_.save();
     size_t size = 0;
@@ -200,7 +211,7 @@ const Kernel& KernelCache::get(std::string_view name, std::span<const uint32_t> 
     if (tell_ && known_.fresh() >= kManyKernels) {
         std::exchange(tell_, nullptr)();
     }
-    return kernels_.try_emplace(std::move(key), device_, name, constants, cache_.get())
+    return kernels_.try_emplace(std::move(key), device_, name, constants, cache_.get(), *queue_)
         .first->second;
 }
 

@@ -3,11 +3,13 @@
 #include <cstdint>
 #include <functional>
 #include <map>
+#include <memory>
 #include <span>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "runtime/compile_queue.hpp"
 #include "runtime/known_kernels.hpp"
 #include "runtime/vk.hpp"
 
@@ -33,15 +35,17 @@ Reflection reflect(std::string_view name, std::span<const uint32_t> spirv);
 /// SPIR-V of a shader built into the library; throws Error(device) for an unknown name.
 std::span<const uint32_t> embedded_shader(std::string_view name);
 
-/// A compute pipeline made from one shader and its specialization constants.
+/// A compute pipeline made from one shader and its specialization constants, compiled meanwhile on
+/// another thread.
 class Kernel {
 public:
     Kernel(Device& device, std::string_view name, std::span<const uint32_t> constants,
-           VkPipelineCache cache);
+           VkPipelineCache cache, CompileQueue& queue);
 
     [[nodiscard]] const std::string& name() const { return name_; }
     [[nodiscard]] const Reflection& reflection() const { return reflection_; }
-    [[nodiscard]] VkPipeline pipeline() const { return pipeline_.get(); }
+    /// Waits for the driver's compiler; throws Error(device) or Error(resources) where that failed.
+    [[nodiscard]] VkPipeline pipeline() const { return pipeline_.get().get(); }
     [[nodiscard]] VkPipelineLayout layout() const { return layout_.get(); }
     [[nodiscard]] VkDescriptorSetLayout set_layout() const { return set_layout_.get(); }
 
@@ -50,7 +54,7 @@ private:
     Reflection reflection_;
     Handle<VkDescriptorSetLayout> set_layout_;
     Handle<VkPipelineLayout> layout_;
-    Handle<VkPipeline> pipeline_;
+    CompileQueue::Pipeline pipeline_;
 };
 
 /// Kernels of one device, made on first use; the driver's pipeline cache is kept on disk
@@ -69,6 +73,7 @@ public:
 
 private:
     Device& device_;
+    std::unique_ptr<CompileQueue> queue_; ///< of the kernels; ends before the caches are written
     std::string file_;
     Handle<VkPipelineCache> cache_;
     size_t loaded_bytes_ = 0;
