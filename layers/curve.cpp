@@ -20,14 +20,14 @@ struct Push {
     PushLayout keypoints;
     PushLayout blurry;
     PushLayout frames;
-    uint32_t width;
-    uint32_t height;
-    uint32_t derivative_channel;
-    uint32_t keypoint_channel;
-    uint32_t blurry_channel;
-    uint32_t row;   ///< of S for the view's channel 0
-    uint32_t count; ///< frames to write
-    float spacing;
+    uint32_t width = 0;
+    uint32_t height = 0;
+    uint32_t derivative_channel = 0;
+    uint32_t keypoint_channel = 0;
+    uint32_t blurry_channel = 0;
+    uint32_t row = 0;   ///< of S for the view's channel 0
+    uint32_t count = 0; ///< frames to write
+    float spacing = 0;
 };
 static_assert(sizeof(Push) == 96);
 

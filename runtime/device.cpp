@@ -179,6 +179,10 @@ std::shared_ptr<Device> Device::open(const std::string& selector, Precision prec
         new Device(instance, physical[index], devices[index], precision));
 }
 
+std::shared_ptr<Device> Device::twin() const {
+    return std::shared_ptr<Device>(new Device(instance_, physical_, info_, precision_));
+}
+
 Device::Device(std::shared_ptr<Instance> instance, VkPhysicalDevice physical, DeviceInfo info,
                Precision precision)
     : instance_(std::move(instance)), physical_(physical), info_(std::move(info)),

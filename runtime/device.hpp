@@ -62,6 +62,9 @@ public:
     static std::shared_ptr<Device> open(const std::string& selector = {},
                                         Precision precision = Precision::float32);
 
+    /// Another logical device on the same physical one.
+    [[nodiscard]] std::shared_ptr<Device> twin() const;
+
     ~Device();
     Device(const Device&) = delete;
     Device& operator=(const Device&) = delete;

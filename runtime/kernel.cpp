@@ -25,9 +25,6 @@ void spvc_check(spvc_result result, std::string_view name, const char* call) {
     }
 }
 
-/// On lavapipe they take a second and more to compile.
-constexpr size_t kManyKernels = 8;
-
 Handle<VkPipeline> make_pipeline(VkDevice vk, VkPipelineLayout layout,
                                  std::span<const uint32_t> spirv,
                                  std::span<const uint32_t> constants, VkPipelineCache cache) {
@@ -120,8 +117,8 @@ Reflection reflect(std::string_view name, std::span<const uint32_t> spirv) {
 }
 
 Kernel::Kernel(Device& device, std::string_view name, std::span<const uint32_t> constants,
-               VkPipelineCache cache, CompileQueue& queue)
-    : name_(name) {
+               VkPipelineCache cache, CompileQueue& queue, bool fresh)
+    : name_(name), constants_(constants.begin(), constants.end()), fresh_(fresh) {
     const auto spirv = embedded_shader(name);
     reflection_ = reflect(name, spirv);
     if (reflection_.push_bytes > device.info().max_push_bytes) {
@@ -158,10 +155,9 @@ Kernel::Kernel(Device& device, std::string_view name, std::span<const uint32_t> 
     vk_check(vkCreatePipelineLayout(vk, &layout_info, nullptr, &layout), "vkCreatePipelineLayout");
     layout_ = Handle<VkPipelineLayout>(layout, vk, vkDestroyPipelineLayout);
 
-    pipeline_ = queue.add(
-        [vk, layout, cache, spirv, values = std::vector(constants.begin(), constants.end())] {
-            return make_pipeline(vk, layout, spirv, values, cache);
-        });
+    pipeline_ = queue.add([vk, layout, spirv, cache, values = constants_] {
+        return make_pipeline(vk, layout, spirv, values, cache);
+    });
 }
 
 KernelCache::KernelCache(Device& device)
@@ -207,11 +203,12 @@ const Kernel& KernelCache::get(std::string_view name, std::span<const uint32_t> 
     if (found != kernels_.end()) {
         return found->second;
     }
-    known_.add(name, constants);
-    if (tell_ && known_.fresh() >= kManyKernels) {
+    const bool fresh = known_.add(name, constants);
+    if (tell_ && known_.fresh() >= kManyFreshKernels) {
         std::exchange(tell_, nullptr)();
     }
-    return kernels_.try_emplace(std::move(key), device_, name, constants, cache_.get(), *queue_)
+    return kernels_
+        .try_emplace(std::move(key), device_, name, constants, cache_.get(), *queue_, fresh)
         .first->second;
 }
 

@@ -40,10 +40,13 @@ std::span<const uint32_t> embedded_shader(std::string_view name);
 class Kernel {
 public:
     Kernel(Device& device, std::string_view name, std::span<const uint32_t> constants,
-           VkPipelineCache cache, CompileQueue& queue);
+           VkPipelineCache cache, CompileQueue& queue, bool fresh);
 
     [[nodiscard]] const std::string& name() const { return name_; }
+    [[nodiscard]] const std::vector<uint32_t>& constants() const { return constants_; }
     [[nodiscard]] const Reflection& reflection() const { return reflection_; }
+    /// Whether no earlier run made it on this device: a CPU driver compiles when it first runs.
+    [[nodiscard]] bool fresh() const { return fresh_; }
     /// Waits for the driver's compiler; throws Error(device) or Error(resources) where that failed.
     [[nodiscard]] VkPipeline pipeline() const { return pipeline_.get().get(); }
     [[nodiscard]] VkPipelineLayout layout() const { return layout_.get(); }
@@ -51,6 +54,8 @@ public:
 
 private:
     std::string name_;
+    std::vector<uint32_t> constants_;
+    bool fresh_;
     Reflection reflection_;
     Handle<VkDescriptorSetLayout> set_layout_;
     Handle<VkPipelineLayout> layout_;

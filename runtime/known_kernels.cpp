@@ -34,14 +34,16 @@ KnownKernels::KnownKernels(std::string file) : file_(std::move(file)) {
     }
 }
 
-void KnownKernels::add(std::string_view shader, std::span<const uint32_t> constants) {
+bool KnownKernels::add(std::string_view shader, std::span<const uint32_t> constants) {
     if (file_.empty()) {
-        return;
+        return false;
     }
     Hash hash;
     hash.add(std::as_bytes(embedded_shader(shader)));
     hash.add(std::as_bytes(constants));
-    fresh_ += hashes_.insert(hash.value()).second ? 1 : 0;
+    const bool fresh = hashes_.insert(hash.value()).second;
+    fresh_ += fresh ? 1 : 0;
+    return fresh;
 }
 
 void KnownKernels::save() const {

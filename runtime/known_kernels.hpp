@@ -8,6 +8,9 @@
 
 namespace ecir {
 
+/// So many fresh kernels take a CPU driver seconds to compile.
+constexpr size_t kManyFreshKernels = 8;
+
 /// Which kernels earlier runs have made on a device, kept in a file of the cache folder: what is
 /// not among them the driver has to compile.
 class KnownKernels {
@@ -17,7 +20,8 @@ public:
     explicit KnownKernels(std::string file);
 
     /// Notes a kernel that is made now: a shader with its SPIR-V and specialization constants.
-    void add(std::string_view shader, std::span<const uint32_t> constants);
+    /// Returns whether no earlier run has made it.
+    bool add(std::string_view shader, std::span<const uint32_t> constants);
     /// How many of those noted no earlier run has made.
     [[nodiscard]] size_t fresh() const { return fresh_; }
     /// Writes the file where there is something new. Failing is no error, as for all caches.

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <numeric>
 
+#include "runtime/compile_ahead.hpp"
 #include "runtime/error.hpp"
 
 namespace ecir {
@@ -26,6 +27,8 @@ struct LaunchPush {
 static_assert(sizeof(LaunchPush) == 104);
 
 } // namespace
+
+Program::Program(Device& device) : device_(device) {}
 
 Tensor Program::make(Kind kind, const Layout& layout) {
     const Tensor tensor(static_cast<uint32_t>(slots_.size()), layout);
@@ -215,8 +218,23 @@ std::vector<Program::Range> Program::ranges(const Step& step) const {
     return result;
 }
 
+void Program::compile_ahead() {
+    std::vector<const Kernel*> fresh;
+    for (const Step& step : steps_) {
+        const Kernel* kernel = step.dispatch.kernel;
+        if (kernel != nullptr && kernel->fresh() &&
+            std::ranges::find(fresh, kernel) == fresh.end()) {
+            fresh.push_back(kernel);
+        }
+    }
+    if (device_.info().is_cpu && fresh.size() >= kManyFreshKernels) {
+        ahead_ = std::make_unique<CompileAhead>(device_, fresh);
+    }
+}
+
 void Program::finish() {
     plan();
+    compile_ahead();
     make_descriptors();
     staging_.push_back(make_staging());
 }

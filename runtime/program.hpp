@@ -16,6 +16,8 @@
 
 namespace ecir {
 
+class CompileAhead;
+
 enum class Access { read, write, update };
 
 /// One argument of a kernel: a tensor, or a buffer that several programs share (weights).
@@ -82,7 +84,7 @@ struct DispatchTime {
 /// on the one between; the arena is one for all, so the device takes the runs in turn.
 class Program {
 public:
-    explicit Program(Device& device) : device_(device) {}
+    explicit Program(Device& device);
     /// Waits for runs that nobody has waited for.
     ~Program();
     Program(const Program&) = delete;
@@ -183,6 +185,7 @@ private:
     void touch(const Tensor& tensor, uint32_t step);
     void touch_all();
     void plan();
+    void compile_ahead();
     void make_descriptors();
     Staging make_staging();
     Recording record(const Staging& staging, VkQueryPool queries);
@@ -207,6 +210,7 @@ private:
     std::vector<size_t> running_; ///< sets of staging whose runs are submitted, oldest first
     size_t written_ = 0;          ///< the set that write() fills
     size_t read_ = 0;             ///< the set that read() reads
+    std::unique_ptr<CompileAhead> ahead_; ///< until the first run is done
 };
 
 } // namespace ecir

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <map>
 
+#include "runtime/compile_ahead.hpp"
 #include "runtime/error.hpp"
 
 // How a program becomes command buffers: descriptors, barriers, submissions, timestamps.
@@ -265,6 +266,9 @@ Program::Recording Program::record(const Staging& staging, VkQueryPool queries) 
 }
 
 Program::~Program() {
+    if (ahead_) {
+        ahead_->end();
+    }
     for (const size_t set : running_) {
         const VkFence fence = staging_[set].fence.get();
         (void)vkWaitForFences(device_.handle(), 1, &fence, VK_TRUE, UINT64_MAX);
@@ -287,6 +291,9 @@ void Program::wait() {
     read_ = running_.front();
     running_.erase(running_.begin());
     device_.wait(staging_[read_].fence.get());
+    if (ahead_) {
+        ahead_->end();
+    }
 }
 
 void Program::run() {

@@ -42,7 +42,7 @@ layout(constant_id = 6) const int XB = 8;
 layout(constant_id = 7) const int OS = 1;
 layout(constant_id = 8) const int INIT = 1; // 0: starts from the bias alone
 
-layout(buffer_reference, scalar) readonly buffer Source { float v[]; };
+layout(buffer_reference, scalar) volatile readonly buffer Source { float v[]; };
 layout(set = 0, binding = 0, scalar) uniform Weights { uint64_t w[8192]; };
 layout(set = 0, binding = 1, std430) readonly buffer Bias { float bias[]; };
 layout(set = 0, binding = 2, std430) readonly buffer Init { float init[]; };
