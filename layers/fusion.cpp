@@ -1,5 +1,7 @@
 #include "layers/fusion.hpp"
 
+#include <algorithm>
+
 #include "layers/consistency.hpp"
 #include "layers/elementwise.hpp"
 #include "layers/fusion_fetch.hpp"
@@ -17,15 +19,16 @@ std::shared_ptr<const FusionMethod::Networks> FusionMethod::load(Device& device,
 
 FusionMethod::FusionMethod(const std::shared_ptr<Device>& device, const SafeTensors& weights,
                            uint32_t height, uint32_t width, bool correct)
-    : FusionMethod(device, load(*device, weights), height, width, correct) {}
+    : FusionMethod(device, load(*device, weights), height, width, width, correct) {}
 
 FusionMethod::FusionMethod(std::shared_ptr<Device> device, std::shared_ptr<const Networks> networks,
-                           uint32_t height, uint32_t width, bool correct)
+                           uint32_t height, uint32_t width, uint32_t row, bool correct)
     : device_(std::move(device)), networks_(std::move(networks)), height_(height), width_(width),
-      correct_(correct) {}
+      row_(row), correct_(correct) {}
 
 std::unique_ptr<Method> FusionMethod::resized(uint32_t height, uint32_t width) const {
-    return std::unique_ptr<Method>(new FusionMethod(device_, networks_, height, width, correct_));
+    return std::unique_ptr<Method>(
+        new FusionMethod(device_, networks_, height, width, std::max(width, row_), correct_));
 }
 
 void FusionMethod::record(Program& program, uint32_t frames, uint32_t capacity) {
@@ -38,7 +41,7 @@ void FusionMethod::record(Program& program, uint32_t frames, uint32_t capacity) 
                            events_.positives, blurry_,      threshold_input_};
 
     PriorExposure exposure;
-    const Layout images = networks_->trunk.exposure_layout(device_->info(), height_, width_);
+    const Layout images = networks_->trunk.exposure_layout(device_->info(), height_, width_, row_);
     exposure.anchors = program.cleared(images);
     exposure.context = program.cleared(images);
     exposure.base = program.temporary({1, height_, width_});
@@ -56,11 +59,11 @@ void FusionMethod::record_corrected_frames(Program& program, const PriorInput& i
                                            const PriorExposure& exposure) const {
     const Tensor moved = program.temporary(motion_layout(height_, width_));
     const Tensor velocity =
-        program.cleared(networks_->trunk.velocity_layout(device_->info(), height_, width_));
+        program.cleared(networks_->trunk.velocity_layout(device_->info(), height_, width_, row_));
     record_motion(program, exposure.logarithms, moved, velocity);
-    const Tensor features = networks_->trunk.record(program, exposure, velocity);
+    const Tensor features = networks_->trunk.record(program, exposure, velocity, row_);
 
-    const FusionHead::Tensors head = networks_->head.prepare(program, height_, width_);
+    const FusionHead::Tensors head = networks_->head.prepare(program, height_, width_, row_);
     const Tensor away = program.temporary(away_layout(height_, width_));
     const Tensor state = program.cleared(prior_state_layout(height_, width_));
     const Tensor consistency = program.cleared(consistency_state_layout(height_, width_));

@@ -31,7 +31,7 @@ private:
     };
     static std::shared_ptr<const Networks> load(Device& device, const SafeTensors& weights);
     FusionMethod(std::shared_ptr<Device> device, std::shared_ptr<const Networks> networks,
-                 uint32_t height, uint32_t width, bool correct);
+                 uint32_t height, uint32_t width, uint32_t row, bool correct);
     void record(Program& program, uint32_t frames, uint32_t capacity);
     void record_prior_frames(Program& program, const PriorInput& input,
                              const PriorExposure& exposure) const;
@@ -42,6 +42,7 @@ private:
     std::shared_ptr<const Networks> networks_;
     uint32_t height_;
     uint32_t width_;
+    uint32_t row_; ///< pixels that rows are made for (conv_layout())
     bool correct_;
 
     MethodProgram program_;

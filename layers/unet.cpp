@@ -130,39 +130,39 @@ UNet::UNet(Device& device, const SafeTensors& weights, uint32_t bins, uint32_t k
 }
 
 Tensor UNet::record(Program& program, const Tensor& blurry, const Tensor& histogram,
-                    const Tensor& keypoints) const {
+                    const Tensor& keypoints, uint32_t row) const {
     const DeviceInfo& info = program.device().info();
-    // Cleared, since a convolution reads the zeros around its input.
-    const auto tensor = [&](uint32_t channels, uint32_t height, uint32_t width, uint32_t halo) {
-        const Layout layout = conv_layout(info, family_, channels, height, width, halo);
+    const Layout& image = blurry.layout();
+    // Cleared, since a convolution reads the zeros around its input. Level: halvings of the image.
+    const auto tensor = [&](uint32_t channels, size_t level, uint32_t halo) {
+        const uint32_t divisor = 1U << level;
+        const Layout layout =
+            conv_layout(info, family_, channels, ceil_div(image.height, divisor),
+                        ceil_div(image.width, divisor), halo, ceil_div(row, divisor));
         return halo > 0 ? program.cleared(layout) : program.temporary(layout);
     };
-    std::vector<Tensor> levels;
+    std::vector<Tensor> levels; // from the first halving on
     std::vector<Tensor> inputs = {blurry, histogram, keypoints};
     for (size_t i = 0; i < encoders_.size(); ++i) {
-        const Layout& in = inputs.front().layout();
-        levels.push_back(tensor(widths_[i], (in.height + 1) / 2, (in.width + 1) / 2, 2));
+        levels.push_back(tensor(widths_[i], i + 1, 2));
         encoders_[i].record(program, inputs, levels.back());
         inputs = {levels.back()};
     }
     Tensor x = levels.back();
-    const Layout bottom = x.layout();
     for (const ResidualBlock& block_layers : blocks_) {
-        const Tensor inner = tensor(bottom.channels, bottom.height, bottom.width, 1);
-        const Tensor outer = tensor(bottom.channels, bottom.height, bottom.width, 1);
+        const Tensor inner = tensor(widths_.back(), levels.size(), 1);
+        const Tensor outer = tensor(widths_.back(), levels.size(), 1);
         block_layers.first.record(program, x, inner);
         block_layers.second.record(program, inner, outer, x);
         x = outer;
     }
     for (size_t i = 0; i < decoders_.size(); ++i) {
-        const size_t level =
-            decoders_.size() - i; // of the encoder whose output has this input's size
-        inputs = level == decoders_.size() ? std::vector{x} : std::vector{x, levels[level - 1]};
-        const Layout& size = level == 1 ? blurry.layout() : levels[level - 2].layout();
-        x = tensor(decoder_widths_[i], size.height, size.width, level == 1 ? 0 : 1);
+        const size_t level = decoders_.size() - i - 1; // of the output
+        inputs = i == 0 ? std::vector{x} : std::vector{x, levels[level]};
+        x = tensor(decoder_widths_[i], level, level == 0 ? 0 : 1);
         decoders_[i].record(program, inputs, x);
     }
-    const Tensor derivatives = tensor(predicted_, blurry.layout().height, blurry.layout().width, 0);
+    const Tensor derivatives = tensor(predicted_, 0, 0);
     const std::vector<Tensor> all = {x, blurry, histogram, keypoints};
     prediction_->record(program, all, derivatives);
     return derivatives.channels(0, keypoints_);

@@ -46,14 +46,14 @@ std::shared_ptr<WindowedMethod::Instance> WindowedMethod::instance_for(const Pix
         std::rotate(known, known + 1, instances_.end());
         return instances_.back();
     }
-    const double most = kMostImages * width_ * height_;
-    auto area = static_cast<double>(rect.area());
+    const double most = kMostImages * height_;
+    double rows = rect.height();
     for (const auto& instance : instances_) {
-        area += static_cast<double>(instance->area());
+        rows += instance->height;
     }
-    for (auto oldest = instances_.begin(); oldest != instances_.end() && area > most;) {
+    for (auto oldest = instances_.begin(); oldest != instances_.end() && rows > most;) {
         if ((*oldest)->begun == 0) {
-            area -= static_cast<double>((*oldest)->area());
+            rows -= (*oldest)->height;
             oldest = instances_.erase(oldest);
         } else {
             ++oldest;

@@ -11,7 +11,8 @@ namespace ecir {
 /// Runs a method on windows of images of one size and puts the frames together. For each size of
 /// window there is one instance of the method, whose recorded program serves all windows of the
 /// size, of this frame and later ones; those not used for longest go when all together take more
-/// than one and a half images.
+/// than one and a half images, counting rows in full, since those of a window can be as far apart as
+/// the image's (conv_layout()).
 class WindowedMethod {
 public:
     /// `method`: any size; others are made from it by resized().
@@ -37,7 +38,6 @@ private:
         uint32_t height;
         std::unique_ptr<Method> method;
         size_t begun = 0; ///< windows, not finished
-        [[nodiscard]] size_t area() const { return size_t{width} * height; }
     };
     struct Part {
         std::shared_ptr<Instance> instance;
