@@ -7,6 +7,7 @@
 #include "layers/keypoints.hpp"
 #include "layers/operations.hpp"
 #include "layers/prior.hpp"
+#include "layers/shapes.hpp"
 #include "runtime/error.hpp"
 
 namespace ecir {
@@ -85,8 +86,8 @@ EcirMethod::EcirMethod(std::shared_ptr<Device> device, const EcirConfig& config,
       width_(width), row_(row), extent_(extent) {}
 
 std::unique_ptr<Method> EcirMethod::resized(uint32_t height, uint32_t width) const {
-    return std::unique_ptr<Method>(
-        new EcirMethod(device_, config_, networks_, height, width, std::max(width, row_), extent_));
+    return std::unique_ptr<Method>(new EcirMethod(device_, config_, networks_, height, width,
+                                                  window_row(width, row_), extent_));
 }
 
 void EcirMethod::record(Program& program, uint32_t frames, uint32_t capacity) {

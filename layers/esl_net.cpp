@@ -7,6 +7,7 @@
 
 #include "layers/elementwise.hpp"
 #include "layers/operations.hpp"
+#include "layers/shapes.hpp"
 
 namespace ecir {
 namespace {
@@ -137,7 +138,7 @@ EslNetMethod::EslNetMethod(std::shared_ptr<Device> device, std::shared_ptr<const
 
 std::unique_ptr<Method> EslNetMethod::resized(uint32_t height, uint32_t width) const {
     return std::unique_ptr<Method>(
-        new EslNetMethod(device_, network_, height, width, std::max(width, row_)));
+        new EslNetMethod(device_, network_, height, width, window_row(width, row_)));
 }
 
 void EslNetMethod::record(Program& program, uint32_t capacity) {

@@ -1,11 +1,10 @@
 #include "layers/fusion.hpp"
 
-#include <algorithm>
-
 #include "layers/consistency.hpp"
 #include "layers/elementwise.hpp"
 #include "layers/fusion_fetch.hpp"
 #include "layers/motion.hpp"
+#include "layers/shapes.hpp"
 #include "layers/trajectory.hpp"
 
 namespace ecir {
@@ -28,7 +27,7 @@ FusionMethod::FusionMethod(std::shared_ptr<Device> device, std::shared_ptr<const
 
 std::unique_ptr<Method> FusionMethod::resized(uint32_t height, uint32_t width) const {
     return std::unique_ptr<Method>(
-        new FusionMethod(device_, networks_, height, width, std::max(width, row_), correct_));
+        new FusionMethod(device_, networks_, height, width, window_row(width, row_), correct_));
 }
 
 void FusionMethod::record(Program& program, uint32_t frames, uint32_t capacity) {

@@ -1,4 +1,5 @@
 #pragma once
+#include <algorithm>
 #include <cstdint>
 #include <initializer_list>
 #include <string>
@@ -16,6 +17,16 @@ constexpr uint32_t ceil_div(uint32_t value, uint32_t divisor) {
 /// The least multiple that is not below the value.
 constexpr uint32_t round_up(uint32_t value, uint32_t multiple) {
     return ceil_div(value, multiple) * multiple;
+}
+
+/// The `row` of conv_layout() for a window of `width` pixels in an image whose rows are made for
+/// `image`: one of few sizes, which have pipelines of their own each, with under half of it left
+/// over.
+constexpr uint32_t window_row(uint32_t width, uint32_t image) {
+    while (ceil_div(image, 2) >= width && image > 1) {
+        image = ceil_div(image, 2);
+    }
+    return std::max(width, image);
 }
 
 /// What the layers share to check tensors and to tell kernels where they lie.

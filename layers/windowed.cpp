@@ -46,14 +46,14 @@ std::shared_ptr<WindowedMethod::Instance> WindowedMethod::instance_for(const Pix
         std::rotate(known, known + 1, instances_.end());
         return instances_.back();
     }
-    const double most = kMostImages * height_;
-    double rows = rect.height();
+    const double most = kMostImages * width_ * height_;
+    double area = double{1} * window_row(rect.width(), width_) * rect.height();
     for (const auto& instance : instances_) {
-        rows += instance->height;
+        area += instance->area(width_);
     }
-    for (auto oldest = instances_.begin(); oldest != instances_.end() && rows > most;) {
+    for (auto oldest = instances_.begin(); oldest != instances_.end() && area > most;) {
         if ((*oldest)->begun == 0) {
-            rows -= (*oldest)->height;
+            area -= (*oldest)->area(width_);
             oldest = instances_.erase(oldest);
         } else {
             ++oldest;

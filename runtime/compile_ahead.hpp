@@ -13,8 +13,8 @@ class Kernel;
 /// generates machine code when a kernel is first dispatched, on the one thread that executes the
 /// queue, and keeps it on disk. So another logical device dispatches the kernels, last first and
 /// without workgroups, while the first device goes through them from the first: what either has
-/// compiled the other one finds on disk. The first run ever on the sample takes 16.5 instead of 24.4
-/// s on two cores. Only saves time: errors are swallowed.
+/// compiled the other one finds on disk. The first run ever on the sample takes 16.5 instead
+/// of 24.4 s on two cores. Only saves time: errors are swallowed.
 class CompileAhead {
 public:
     /// Begins; `kernels`, of `device`, in the order in which it will dispatch them.

@@ -3,8 +3,8 @@
 
 Makes scenes from the two photographs with most texture: over a background that stands still a textured object moves, and both together
 cover a share of the image (100: the background itself moves; 0: nothing, the sensor's noise alone). Each is
-simulated with `ecir simulate` and deblurred with --regions on and off. CPU time is of one exposure: a recording of
-two less one of the first alone, so that starting up does not count.
+simulated with `ecir simulate` and deblurred with --regions on and off. Times are of preparing and computing one exposure,
+the median over a recording of seven, so that starting up and windows of a new size do not count.
 
 example:
   tools/regions.py --images PHOTOS --ecir build/dev/ecir
@@ -13,7 +13,7 @@ import argparse
 import json
 import os
 import pathlib
-import resource
+import statistics
 import subprocess
 import sys
 import tempfile
@@ -24,19 +24,17 @@ try:
 except ImportError as error:
     sys.exit(f"regions: {error}; Debian's packages are python3-opencv and python3-numpy, of /usr/bin/python3")
 
-FPS, EXPOSURE_US, EXPOSURES = 1000, 50_000, 2
+FPS, EXPOSURE_US, EXPOSURES = 1000, 50_000, 7
 THRESHOLD = 0.18    # of the sensor; given to the models that take it, since estimating it is a start's work
 TRAVEL = 16     # pixels an exposure
 
 
 def run(*command):
-    """Standard output, and seconds of CPU time."""
-    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    """Standard output."""
     done = subprocess.run([str(part) for part in command], capture_output=True, text=True)
-    after = resource.getrusage(resource.RUSAGE_CHILDREN)
     if done.returncode != 0:
         sys.exit(f"regions: {' '.join(map(str, command))}\n{done.stderr}")
-    return done.stdout, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    return done.stdout
 
 
 def photo(path, width, height):
@@ -97,25 +95,29 @@ def make_scenes(args, photos, share, folder):
 
 
 def deblur(args, scene, output, regions):
+    """Seconds an exposure."""
     threshold = ("--threshold", THRESHOLD) if args.model in ("edi", "fusion") else ()
-    return run(args.ecir, "deblur", "-i", scene, "-o", output, "-m", args.model, "--frames", args.frames,
-               "--regions", regions, *threshold)[1]
+    report = output.with_suffix(".json")
+    run(args.ecir, "deblur", "-i", scene, "-o", output, "-m", args.model, "--frames", args.frames,
+        "--regions", regions, "--report", report, *threshold)
+    stages = [exposure["ms"] for exposure in json.loads(report.read_text())["exposures"]]
+    return statistics.median(stage["prepare"] + stage["wait"] for stage in stages) / 1000
 
 
 def psnr(args, truth, prediction):
     """dB, as text; eval gives none where every frame is the truth."""
-    found = json.loads(run(args.ecir, "eval", "--truth", truth, "--prediction", prediction, "--json")[0])["psnr"]
+    found = json.loads(run(args.ecir, "eval", "--truth", truth, "--prediction", prediction, "--json"))["psnr"]
     return "exact" if found is None else f"{found:.3f}"
 
 
 def measure(args, photos, share):
-    """CPU seconds an exposure and PSNR with regions; PSNR without; their largest difference in grey levels."""
+    """Seconds an exposure and PSNR with regions; PSNR without; their largest difference in grey levels."""
     with tempfile.TemporaryDirectory() as name:
         folder = pathlib.Path(name)
         first, scene = make_scenes(args, photos, share, folder)
         truth = sorted((scene / "truth").iterdir())[0]
-        seconds = deblur(args, first, folder / "on.npy", "on")
-        seconds = deblur(args, scene, folder / "both.npy", "on") - seconds
+        seconds = deblur(args, scene, folder / "all.npy", "on")
+        deblur(args, first, folder / "on.npy", "on")
         deblur(args, first, folder / "off.npy", "off")
         on, off = (np.load(folder / f"{mode}.npy") for mode in ("on", "off"))
         return seconds, psnr(args, truth, folder / "on.npy"), psnr(args, truth, folder / "off.npy"), \
@@ -137,7 +139,7 @@ def main():
     if len(photos) < 2:
         sys.exit(f"regions: {args.images}: fewer than two .png or .jpg in this folder")
     photos.sort(key=texture, reverse=True)
-    print("| moving, % | CPU time of an exposure, s | PSNR, dB | whole image computed | largest difference, grey levels |\n"
+    print("| moving, % | time of an exposure, s | PSNR, dB | whole image computed | largest difference, grey levels |\n"
           "| --- | --- | --- | --- | --- |")
     for share in args.shares:
         seconds, on, off, difference = measure(args, photos, share)
