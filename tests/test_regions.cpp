@@ -153,7 +153,7 @@ TEST_SUITE("regions") {
         "windows hold their cells with the context, start on the grid, and end with the image") {
         const RegionRule rule{40, 8};
         const auto check = [&](uint32_t width, uint32_t height, const ActivityMap& map) {
-            const Regions regions = find_regions(map, rule, width, height);
+            Regions regions = find_regions(map, rule, width, height);
             for (const auto& [computed, kept] : regions.windows) {
                 CHECK(computed.left % window_grid == 0);
                 CHECK(computed.top % window_grid == 0);
@@ -195,7 +195,7 @@ TEST_SUITE("regions") {
         CHECK(check(637, 475, map_of(637, 475, {{0, 0}, {39, 29}, {39, 0}})).windows.size() == 3);
         // Nearly everything, and images too small to gain.
         ActivityMap most(640, 480);
-        std::fill(most.active.begin(), most.active.end() - 4 * most.columns, uint8_t{1});
+        std::fill(most.active.begin(), most.active.end() - ptrdiff_t{4} * most.columns, uint8_t{1});
         CHECK(find_regions(most, rule, 640, 480).whole(640, 480));
         CHECK(find_regions(most, rule, 640, 480).weight.empty());
         CHECK(find_regions(map_of(64, 48, {{1, 1}}), rule, 64, 48).whole(64, 48));
@@ -281,7 +281,7 @@ TEST_SUITE("regions") {
                 CHECK(one.windows().size() == (apart ? 2 : 1));
             }
             Deblur deblur(device, options, 288, 224);
-            const uint64_t pixels = 288 * 224;
+            const uint64_t pixels = uint64_t{288} * 224;
             const std::vector<double> many(device->info().heap_bytes / (4 * pixels) * 64, 0.5);
             for (size_t i = 0; i <= scenes.size(); ++i) {
                 if (i < scenes.size()) {
