@@ -91,19 +91,19 @@ Deblur::Model Deblur::make_model(const std::string& name) const {
                                              ", a fusion network, has no keypoints; leave "
                                              "--keypoints out");
         }
-        if (options.refine.value_or(1) > 1) {
+        const uint32_t refine = options.refine.value_or(static_cast<uint32_t>(FusionSteps::agreed));
+        if (refine > static_cast<uint32_t>(FusionSteps::agreed)) {
             throw Error(ExitCode::usage,
                         "model " + options.model +
-                            ", a fusion network, corrects its prior once; "
-                            "--refine " +
-                            std::to_string(*options.refine) +
-                            " is for ecir models; give 1, or 0 for the prior alone, or leave "
-                            "--refine out");
+                            ", a fusion network, refines its prior twice, by correction and by "
+                            "agreement across time; --refine " +
+                            std::to_string(refine) +
+                            " is for ecir models; give 0, 1 or 2, or leave --refine out");
         }
         refuse_curve_options("model " + options.model + ", a fusion network,", options);
-        const bool correct = options.refine.value_or(1) > 0;
-        return {.method =
-                    std::make_unique<FusionMethod>(device_, weights, height_, width_, correct),
+        const auto steps = static_cast<FusionSteps>(refine);
+        const bool correct = steps != FusionSteps::prior;
+        return {.method = std::make_unique<FusionMethod>(device_, weights, height_, width_, steps),
                 .rule = correct ? RegionRule{kFusionContext, kFade} : RegionRule{},
                 .pixel_by_pixel = !correct,
                 .has_thresholds = true,

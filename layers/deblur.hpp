@@ -28,7 +28,7 @@ struct DeblurOptions {
     /// With `auto`: the largest model to choose; empty: any.
     std::string largest;
     /// Iterations of the refinement; 0 for the initialisation alone (the curve of E-CIR, the prior
-    /// of a fusion network, which takes 0 and 1 only). Unset: as trained.
+    /// of a fusion network, which takes 0 to 2 only, see FusionSteps). Unset: as trained, all.
     std::optional<uint32_t> refine;
     /// Of E-CIR: the refinement ends early after an iteration that changed no pixel by so many grey
     /// levels of 255, beyond the trained iterations also where changes no longer fall; 0: never.

@@ -1,5 +1,7 @@
 #include "layers/fusion.hpp"
 
+#include <algorithm>
+
 #include "layers/consistency.hpp"
 #include "layers/elementwise.hpp"
 #include "layers/fusion_fetch.hpp"
@@ -9,6 +11,30 @@
 
 namespace ecir {
 
+/// What an exposure's frames are corrected with.
+struct FusionMethod::Correction {
+    PriorInput input;
+    PriorExposure exposure;
+    Tensor moved;
+    Tensor features;
+    const FusionHead* network = nullptr;
+    FusionHead::Tensors head;
+    Tensor away;
+    Tensor consistency;
+
+    /// The head's first input, the prior, and where things are at the anchors.
+    void record_time(Program& program, const Tensor& instant, const Tensor& state) const {
+        record_prior_frame(program, input, exposure.base, instant, state, head.planes);
+        record_trajectory(program, moved, instant, away);
+    }
+    /// After record_time().
+    void record_frame(Program& program, const Tensor& instant, const Tensor& frame) const {
+        record_fusion_fetch(program, exposure.anchors, away, instant, head.planes);
+        record_fusion_mix(program, features, instant, head.mixed);
+        network->record(program, head, frame);
+    }
+};
+
 std::shared_ptr<const FusionMethod::Networks> FusionMethod::load(Device& device,
                                                                  const SafeTensors& weights) {
     const FusionWidths widths(weights);
@@ -17,24 +43,37 @@ std::shared_ptr<const FusionMethod::Networks> FusionMethod::load(Device& device,
 }
 
 FusionMethod::FusionMethod(const std::shared_ptr<Device>& device, const SafeTensors& weights,
-                           uint32_t height, uint32_t width, bool correct)
-    : FusionMethod(device, load(*device, weights), height, width, width, correct) {}
+                           uint32_t height, uint32_t width, FusionSteps steps)
+    : FusionMethod(device, load(*device, weights), height, width, width, steps) {}
 
 FusionMethod::FusionMethod(std::shared_ptr<Device> device, std::shared_ptr<const Networks> networks,
-                           uint32_t height, uint32_t width, uint32_t row, bool correct)
+                           uint32_t height, uint32_t width, uint32_t row, FusionSteps steps)
     : device_(std::move(device)), networks_(std::move(networks)), height_(height), width_(width),
-      row_(row), correct_(correct) {}
+      row_(row), steps_(steps) {}
 
 std::unique_ptr<Method> FusionMethod::resized(uint32_t height, uint32_t width) const {
     return std::unique_ptr<Method>(
-        new FusionMethod(device_, networks_, height, width, window_row(width, row_), correct_));
+        new FusionMethod(device_, networks_, height, width, window_row(width, row_), steps_));
 }
 
-void FusionMethod::record(Program& program, uint32_t frames, uint32_t capacity) {
+FusionMethod::Shared FusionMethod::find_shared(std::span<const double> times) {
+    Shared shared;
+    for (uint32_t i = 0; i < reference_count; ++i) {
+        const auto at = std::ranges::find(times, reference_times.at(i));
+        if (at != times.end()) {
+            shared.at(i) = static_cast<uint32_t>(at - times.begin());
+        }
+    }
+    return shared;
+}
+
+void FusionMethod::record(Program& program, uint32_t frames, const Shared& shared,
+                          uint32_t capacity) {
     events_ = EventTensors(program, height_, width_, capacity);
     blurry_ = program.input({1, height_, width_});
     threshold_input_ = program.input({1, 1, 2});
-    instants_ = program.input(instant_layout(frames));
+    const bool agreed = steps_ == FusionSteps::agreed;
+    instants_ = program.input(instant_layout(frames + (agreed ? reference_count : 0)));
     output_ = program.output({frames, height_, width_});
     const PriorInput input{events_.offset,    events_.time, events_.mark,
                            events_.positives, blurry_,      threshold_input_};
@@ -47,38 +86,82 @@ void FusionMethod::record(Program& program, uint32_t frames, uint32_t capacity) 
     exposure.logarithms =
         program.temporary({prior_windows + 1, (height_ + 1) / 2, (width_ + 1) / 2});
     record_prior(program, input, exposure);
-    if (correct_) {
-        record_corrected_frames(program, input, exposure);
-    } else {
+    if (steps_ == FusionSteps::prior) {
         record_prior_frames(program, input, exposure);
+        return;
+    }
+    const Correction correction = record_correction(program, input, exposure);
+    if (agreed) {
+        record_agreed_frames(program, correction, shared);
+    } else {
+        record_corrected_frames(program, correction);
     }
 }
 
-void FusionMethod::record_corrected_frames(Program& program, const PriorInput& input,
-                                           const PriorExposure& exposure) const {
+FusionMethod::Correction FusionMethod::record_correction(Program& program, const PriorInput& input,
+                                                         const PriorExposure& exposure) const {
     const Tensor moved = program.temporary(motion_layout(height_, width_));
     const Tensor velocity =
         program.cleared(networks_->trunk.velocity_layout(device_->info(), height_, width_, row_));
     record_motion(program, exposure.logarithms, moved, velocity);
-    const Tensor features = networks_->trunk.record(program, exposure, velocity, row_);
+    return {.input = input,
+            .exposure = exposure,
+            .moved = moved,
+            .features = networks_->trunk.record(program, exposure, velocity, row_),
+            .network = &networks_->head,
+            .head = networks_->head.prepare(program, height_, width_, row_),
+            .away = program.temporary(away_layout(height_, width_)),
+            .consistency = program.cleared(consistency_state_layout(height_, width_))};
+}
 
-    const FusionHead::Tensors head = networks_->head.prepare(program, height_, width_, row_);
-    const Tensor away = program.temporary(away_layout(height_, width_));
+void FusionMethod::record_corrected_frames(Program& program, const Correction& correction) const {
     const Tensor state = program.cleared(prior_state_layout(height_, width_));
-    const Tensor consistency = program.cleared(consistency_state_layout(height_, width_));
+    for (uint32_t i = 0; i < output_.layout().channels; ++i) {
+        const Tensor instant = instants_.channels(i, 1);
+        correction.record_time(program, instant, state);
+        correction.record_frame(program, instant, output_.channels(i, 1));
+        record_kept(program, correction, i);
+    }
+    record_consistent(program, correction.consistency, output_);
+}
+
+void FusionMethod::record_agreed_frames(Program& program, const Correction& correction,
+                                        const Shared& shared) const {
+    const Layout several{reference_count, height_, width_};
+    const Tensor references = program.temporary(several);
+    const Tensor differences = program.temporary(several);
+    const Tensor alone = program.temporary({1, height_, width_});
     const uint32_t frames = output_.layout().channels;
+    const Tensor before = program.cleared(prior_state_layout(height_, width_));
+    for (uint32_t i = 0; i < reference_count; ++i) {
+        const Tensor instant = instants_.channels(frames + i, 1);
+        correction.record_time(program, instant, before);
+        correction.record_frame(program, instant, references.channels(i, 1));
+    }
+    // One of its own, since the times begin anew.
+    const Tensor state = program.cleared(prior_state_layout(height_, width_));
     for (uint32_t i = 0; i < frames; ++i) {
         const Tensor instant = instants_.channels(i, 1);
-        const Tensor frame = output_.channels(i, 1);
-        record_prior_frame(program, input, exposure.base, instant, state, head.planes);
-        record_trajectory(program, moved, instant, away);
-        record_fusion_fetch(program, exposure.anchors, away, instant, head.planes);
-        record_fusion_mix(program, features, instant, head.mixed);
-        networks_->head.record(program, head, frame);
-        record_consistency(program, frame, head.planes.channels(0, 1), blurry_, instant,
-                           consistency, i + 1 == frames);
+        correction.record_time(program, instant, state);
+        const auto same = std::ranges::find(shared, std::optional(i));
+        Tensor own = alone;
+        if (same != shared.end()) {
+            own = references.channels(static_cast<uint32_t>(same - shared.begin()), 1);
+        } else {
+            correction.record_frame(program, instant, alone);
+        }
+        record_reference_fetch(program, references, correction.away, instant, own, differences);
+        record_agreement(program, differences, own, output_.channels(i, 1));
+        record_kept(program, correction, i);
     }
-    record_consistent(program, consistency, output_);
+    record_consistent(program, correction.consistency, output_);
+}
+
+void FusionMethod::record_kept(Program& program, const Correction& correction,
+                               uint32_t frame) const {
+    record_consistency(program, output_.channels(frame, 1), correction.head.planes.channels(0, 1),
+                       blurry_, instants_.channels(frame, 1), correction.consistency,
+                       frame + 1 == output_.layout().channels);
 }
 
 void FusionMethod::record_prior_frames(Program& program, const PriorInput& input,
@@ -94,14 +177,24 @@ void FusionMethod::record_prior_frames(Program& program, const PriorInput& input
 
 void FusionMethod::begin(const FrameInput& input) {
     const auto count = static_cast<uint32_t>(input.times.size());
-    Program& program =
-        program_.prepare(*device_, count, input.events.size(),
-                         [&](Program& made, uint32_t capacity) { record(made, count, capacity); });
+    const Shared shared = find_shared(input.times);
+    if (steps_ == FusionSteps::agreed && shared != shared_) {
+        program_.outdate();
+        shared_ = shared;
+    }
+    Program& program = program_.prepare(
+        *device_, count, input.events.size(),
+        [&](Program& made, uint32_t capacity) { record(made, count, shared, capacity); });
     const PackedEvents packed = pack_events(input.events, input.exposure, width_, height_);
     events_.write(program, packed);
     program.write(blurry_, input.blurry);
     program.write(threshold_input_, std::as_bytes(std::span(&input.thresholds, 1)));
-    const auto instants = make_instants(input.times);
+    auto instants = make_instants(input.times);
+    if (steps_ == FusionSteps::agreed) {
+        for (const double time : reference_times) {
+            instants.emplace_back(time);
+        }
+    }
     program.write(instants_, std::as_bytes(std::span(instants)));
     program_.submit(output_);
 }

@@ -103,7 +103,7 @@ public:
     /// throws, the next call records again.
     template <typename Record>
     Program& prepare(Device& device, size_t frames, size_t events, const Record& record) {
-        if (!program_ || frames != frames_ || events > capacity_) {
+        if (!program_ || frames_ != frames || events > capacity_) {
             while (set_aside_oldest()) {
             }
             program_.reset(); // what it holds must be free before the next one asks for as much
@@ -119,6 +119,9 @@ public:
         }
         return *program_;
     }
+
+    /// The next prepare() records again: more changed than it is told.
+    void outdate() { frames_.reset(); }
 
     /// Starts the program, to read `output` in the end, and `figures`, a few of them.
     void submit(const Tensor& output, const std::optional<Tensor>& figures = {}) {
@@ -189,7 +192,7 @@ private:
     std::vector<Begun> begun_; ///< the oldest first
     std::vector<float> aside_;
     std::vector<float> figures_;
-    size_t frames_ = 0;
+    std::optional<size_t> frames_;
     uint32_t capacity_ = 0; ///< events
 };
 

@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "layers/conv.hpp"
+#include "layers/reference/agreement.hpp"
 #include "layers/reference/consistency.hpp"
 #include "layers/reference/conv.hpp"
 #include "layers/reference/curve.hpp"
@@ -49,6 +50,8 @@ constexpr std::array kOperations = {
               motion_oblique_trial},
     Operation{"trajectory", 1e-5, "8 float32 steps", 9, trajectory_trial, 1},
     Operation{"fusion_fetch", 1e-5, "float32 positions", 9, fusion_fetch_trial, 1},
+    Operation{"reference_fetch", 1e-5, "float32 positions", 9, reference_fetch_trial, 1},
+    Operation{"agreement", 1e-5, "float32 exponentials", 6, agreement_trial, 1},
     Operation{"fusion_mix", 1e-6, "float32 sums of 4 products", 7, fusion_mix_trial, 1},
     Operation{"consistency", 1e-6, "float32 sums of up to 14 differences", 5, consistency_trial, 1},
 };

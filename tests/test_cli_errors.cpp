@@ -198,7 +198,7 @@ TEST_SUITE("cli errors") {
             std::string(ECIR_TEST_DATA) + "/fixtures/fusion-61x45.safetensors";
         must_fail(2, scene.deblur(no, {"-m", fusion, "--keypoints", "1"}), {"--keypoints", "; "});
         must_fail(2, scene.deblur(no, {"-m", fusion, "--refine", "3"}),
-                  {"--refine 3", "once", "ecir", "; "});
+                  {"--refine 3", "twice", "ecir", "; "});
         must_fail(2, scene.deblur(no, {"-m", "edi", "--threshold", "nan"}), {"--threshold", "nan"});
         must_fail(2, scene.deblur(no, {"-m", "edi", "--threshold", "-1"}), {"--threshold", "-1"});
         must_fail(2, scene.deblur(no, {"--times", "-1.01"}), {"--times", "[-1, 1]"});

@@ -78,17 +78,17 @@ TEST_SUITE("cli precision") {
                                              gpu_kernels())
                                             .out)
                                 .at("points");
-        // At two sizes: the network with and without its correction in both precisions, and edi,
-        // which has no convolutions.
-        REQUIRE(points.size() == 2 * (2 * 2 + 1));
+        // At two sizes: the network with all, one and none of its refinements in both precisions,
+        // and edi, which has no convolutions.
+        REQUIRE(points.size() == 2 * (2 * 3 + 1));
         CHECK(points[0].at("name") == "fusion-small");
         CHECK(points[0].at("precision") == "float32");
-        CHECK(points[2].at("name") == "fusion-small, float16");
-        CHECK(points[2].at("precision") == "float16");
-        CHECK(points[2].at("psnr") != points[0].at("psnr"));
-        CHECK(points[2].at("psnr").get<double>() ==
+        CHECK(points[3].at("name") == "fusion-small, float16");
+        CHECK(points[3].at("precision") == "float16");
+        CHECK(points[3].at("psnr") != points[0].at("psnr"));
+        CHECK(points[3].at("psnr").get<double>() ==
               doctest::Approx(points[0].at("psnr").get<double>()).epsilon(1e-3));
-        CHECK(points[4].at("name") == "edi");
+        CHECK(points[6].at("name") == "edi");
 
         const json bench = json::parse(must(Arguments{"bench", "--model", "fusion-small", "--size",
                                                       "16x16", "--frames", "1", "--json"} +

@@ -241,7 +241,7 @@ TEST_SUITE("deblur") {
               ExitCode::usage);
         CHECK(open([](O& o) { o.model = "edi", o.refine = 1; }) == ExitCode::usage);
         CHECK(open([](O& o) { o.model = "fusion", o.refine = 1; }) == ExitCode::ok);
-        CHECK(open([](O& o) { o.model = "fusion", o.refine = 2; }) == ExitCode::usage);
+        CHECK(open([](O& o) { o.model = "fusion", o.refine = 3; }) == ExitCode::usage);
         CHECK(open([](O& o) { o.model = "ecir", o.refine = 5; }) == ExitCode::ok);
         for (const float wrong : {0.0F, -0.2F, NAN, INFINITY}) {
             CHECK(open([&](O& o) { o.thresholds = {0.2F, wrong}; }) == ExitCode::usage);

@@ -54,6 +54,12 @@ TEST_SUITE("fusion") {
             fixture.difference(method.frames(fixture.input()), "output.frames", 1);
         MESSAGE("largest difference ", difference);
         CHECK(difference < 1e-4);
+
+        FusionMethod corrected(device, fixture.file, fixture.height, fixture.width,
+                               FusionSteps::corrected);
+        const auto frames = corrected.frames(fixture.input());
+        CHECK(fixture.difference(frames, "output.corrected", 1) < 1e-4);
+        CHECK(fixture.difference(frames, "output.frames", 1) > 0.003);
     }
 
     TEST_CASE("the motion agrees with numpy within 1e-3 pixels a gap between anchors") {
@@ -149,7 +155,8 @@ TEST_SUITE("fusion") {
         const FusionFixture fixture;
         const size_t pixels = size_t{fixture.width} * fixture.height;
         FusionMethod method(device, fixture.file, fixture.height, fixture.width);
-        FusionMethod without(device, fixture.file, fixture.height, fixture.width, false);
+        FusionMethod without(device, fixture.file, fixture.height, fixture.width,
+                             FusionSteps::prior);
         FrameInput input = fixture.input();
         const auto all = even_times(9);
         input.times = all;

@@ -29,6 +29,32 @@ double bilinear(std::span<const float> image, uint32_t height, uint32_t width, d
            down * ((1 - right) * at(below, column) + right * at(below, beside));
 }
 
+std::span<const float> frame_of(std::span<const float> frames, size_t index, size_t pixels) {
+    return frames.subspan(index * pixels, pixels);
+}
+
+/// Appends the differences of a frame at an anchor, fetched along `away`, to another one.
+void append_fetched(std::vector<double>& result, std::span<const float> frame, size_t anchor,
+                    std::span<const float> away, std::span<const float> base, uint32_t height,
+                    uint32_t width) {
+    const Layout cells = away_layout(height, width);
+    const size_t field = size_t{cells.height} * cells.width;
+    for (size_t p = 0; p < base.size(); ++p) {
+        const size_t line = p / width;
+        const auto y = static_cast<double>(line);
+        const auto x = static_cast<double>(p % width);
+        const auto moved = [&](size_t i) {
+            return bilinear(away.subspan((2 * anchor + i) * field, field), cells.height,
+                            cells.width, (y + 0.5) / cell - 0.5, (x + 0.5) / cell - 0.5);
+        };
+        const double column = x + moved(0);
+        const double row = y + moved(1);
+        const bool inside =
+            row >= -0.5 && column >= -0.5 && row <= height - 0.5 && column <= width - 0.5;
+        result.push_back(inside ? bilinear(frame, height, width, row, column) - base[p] : 0);
+    }
+}
+
 } // namespace
 
 std::vector<double> trajectory(std::span<const float> moved, double time, uint32_t rows,
@@ -85,9 +111,6 @@ std::vector<double> trajectory(std::span<const float> moved, double time, uint32
 std::vector<double> fusion_fetch(std::span<const float> anchors, std::span<const float> away,
                                  std::span<const float> prior, double time, uint32_t height,
                                  uint32_t width) {
-    const Layout cells = away_layout(height, width);
-    const size_t field = size_t{cells.height} * cells.width;
-    const size_t plane = size_t{height} * width;
     std::array<size_t, anchor_count> order{};
     std::iota(order.begin(), order.end(), size_t{0});
     std::ranges::stable_sort(order, {}, [&](size_t a) {
@@ -95,23 +118,19 @@ std::vector<double> fusion_fetch(std::span<const float> anchors, std::span<const
     });
     std::vector<double> result;
     for (const size_t anchor : order) {
-        for (size_t p = 0; p < plane; ++p) {
-            const size_t line = p / width;
-            const auto y = static_cast<double>(line);
-            const auto x = static_cast<double>(p % width);
-            const auto moved = [&](size_t i) {
-                return bilinear(away.subspan((2 * anchor + i) * field, field), cells.height,
-                                cells.width, (y + 0.5) / cell - 0.5, (x + 0.5) / cell - 0.5);
-            };
-            const double column = x + moved(0);
-            const double row = y + moved(1);
-            const bool inside =
-                row >= -0.5 && column >= -0.5 && row <= height - 0.5 && column <= width - 0.5;
-            result.push_back(inside ? bilinear(anchors.subspan(anchor * plane, plane), height,
-                                               width, row, column) -
-                                          prior[p]
-                                    : 0);
-        }
+        append_fetched(result, frame_of(anchors, anchor, prior.size()), anchor, away, prior, height,
+                       width);
+    }
+    return result;
+}
+
+std::vector<double> reference_fetch(std::span<const float> references, std::span<const float> away,
+                                    std::span<const float> frame, uint32_t height, uint32_t width) {
+    constexpr size_t step = (anchor_count - 1) / (reference_count - 1);
+    std::vector<double> result;
+    for (size_t i = 0; i < reference_count; ++i) {
+        append_fetched(result, frame_of(references, i, frame.size()), i * step, away, frame, height,
+                       width);
     }
     return result;
 }
@@ -219,6 +238,38 @@ Trial fusion_fetch_trial(Device& device, uint32_t trial) {
                                 shape.height, shape.width);
     result.reference.assign(before.begin(), before.end());
     std::ranges::copy(fetched, result.reference.begin() + static_cast<ptrdiff_t>(2 * pixels));
+    return result;
+}
+
+Trial reference_fetch_trial(Device& device, uint32_t trial) {
+    Case shape = cases.at(trial);
+    shape.time = double{static_cast<float>(shape.time)};
+    CaseRandom random(1400 + trial);
+    Trial result;
+    result.shape = describe(shape) + " pixels away";
+    result.program = std::make_unique<Program>(device);
+    Program& program = *result.program;
+    const size_t pixels = size_t{shape.height} * shape.width;
+    const Layout cells = away_layout(shape.height, shape.width);
+    const auto frames = random.values(reference_count * pixels, 0.4, 0.6);
+    const auto own = random.values(pixels, 0, 1);
+    const auto displacements = random.values(size_t{cells.channels} * cells.height * cells.width,
+                                             -shape.speed, shape.speed);
+    const Tensor references = program.input({reference_count, shape.height, shape.width});
+    const Tensor frame = program.input({1, shape.height, shape.width});
+    const Tensor away = program.input(cells);
+    const Tensor instants = program.input(instant_layout(2));
+    result.output = program.output({reference_count, shape.height, shape.width});
+    result.first_step = program.steps();
+    record_reference_fetch(program, references, away, instants.channels(1, 1), frame,
+                           result.output);
+    program.finish();
+    program.write(references, frames);
+    program.write(frame, own);
+    program.write(away, from_dense(cells, displacements));
+    write_instants(program, instants, shape);
+    result.reference =
+        reference::reference_fetch(frames, displacements, own, shape.height, shape.width);
     return result;
 }
 

@@ -19,12 +19,19 @@ std::vector<double> fusion_fetch(std::span<const float> anchors, std::span<const
                                  std::span<const float> prior, double time, uint32_t height,
                                  uint32_t width);
 
+/// What record_reference_fetch() computes: the differences [reference_count][height][width].
+/// references: as many frames; away, frame: as for fusion_fetch().
+std::vector<double> reference_fetch(std::span<const float> references, std::span<const float> away,
+                                    std::span<const float> frame, uint32_t height, uint32_t width);
+
 } // namespace ecir::reference
 
 namespace ecir {
 
-/// Cases of record_trajectory() and of record_fusion_fetch() (layers/trajectory.hpp).
+/// Cases of record_trajectory() (layers/trajectory.hpp), of record_fusion_fetch() and of
+/// record_reference_fetch() (layers/fusion_fetch.hpp).
 Trial trajectory_trial(Device& device, uint32_t trial);
 Trial fusion_fetch_trial(Device& device, uint32_t trial);
+Trial reference_fetch_trial(Device& device, uint32_t trial);
 
 } // namespace ecir

@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 
+#include "layers/fusion.hpp"
 #include "layers/operations.hpp"
 #include "tools/ecir/precision.hpp"
 #include "weights/safetensors.hpp"
@@ -66,7 +67,7 @@ uint32_t iterations(const ModelCase& work) {
     if (weights.meta("model") == "ecir") {
         return weights.meta_count("iterations", 0, 1000);
     }
-    return weights.meta("model") == "fusion" ? 1 : 0;
+    return weights.meta("model") == "fusion" ? static_cast<uint32_t>(FusionSteps::agreed) : 0;
 }
 
 DeblurOptions options_of(const ModelCase& work) {

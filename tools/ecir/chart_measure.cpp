@@ -125,6 +125,7 @@ std::vector<std::optional<uint32_t>> refinements(const std::string& model, uint3
     values.emplace_back(std::nullopt);
     if (kind == "fusion") {
         values.emplace_back(0);
+        values.emplace_back(1);
     }
     return values;
 }

@@ -191,8 +191,10 @@ void add_method(CLI::App& command, Options& o) {
         ->option_text("MS")
         ->group(group);
     command
-        .add_option("--refine", o.job.deblur.refine,
-                    "Refinement iterations of E-CIR; fusion networks: 1, or 0 for the prior alone")
+        .add_option(
+            "--refine", o.job.deblur.refine,
+            "Refinement iterations of E-CIR; fusion networks: 0 the prior alone, 1 corrected, "
+            "2 averaged along the motion too")
         ->check(within(0, 1000))
         ->option_text("N [as trained]")
         ->group(group);

@@ -21,6 +21,8 @@ GAPS = motion.GAPS      # between neighbouring ones
 PLANES = ANCHORS + 7    # of the head's input
 STRIDE = motion.CELL    # pixels a side of a cell of the motion
 BASIS = 4           # Chebyshev polynomials of time that the trunk's features for the head are made of
+REFERENCES = (0, 4, 8)  # anchors whose corrected frames all others are compared with
+TOLERANCE = 0.015       # of full scale, of what agrees with them
 COUNT_SCALE = 0.25
 VELOCITY_SCALE = 0.05
 
@@ -175,6 +177,29 @@ def trajectories(moved, times, height, width):
     return torch.cat([back, forth], 1)[every[:, None], picked]
 
 
+def fetch(frames, path):
+    """Frames M x K x H x W, each where path M x K x 2 x cells leads, bilinear, and whether that is inside."""
+    count, every, height, width = frames.shape
+    away = (path - pixel_grid(height, width, STRIDE, path.device)).flatten(0, 1)
+    away = F.interpolate(away, scale_factor=STRIDE, mode="bilinear", align_corners=False)[..., :height, :width]
+    position = away + pixel_grid(height, width, 1, path.device)
+    limit = torch.tensor([width, height], device=path.device).view(1, 2, 1, 1) - 0.5
+    inside = ((position >= -0.5) & (position <= limit)).all(1)
+    fetched = sample(frames.flatten(0, 1)[:, None], position, 1)
+    return fetched.view_as(frames), inside.view_as(frames)
+
+
+def agree(frames, references, moved, times):
+    """Refinement across time, nothing in it is learned: corrected frames M x H x W averaged with those of the
+    REFERENCES, M x 3 x H x W, as far as they agree along the motion, M x GAPS x 2 x cells. Times [M]."""
+    path = trajectories(moved, times, *frames.shape[-2:])[:, list(REFERENCES)]
+    fetched, inside = fetch(references, path)
+    difference = torch.where(inside, fetched - frames[:, None], torch.zeros_like(fetched))
+    square = F.avg_pool2d(F.pad(difference.square(), (1, 1, 1, 1), "replicate"), 3, 1)
+    weight = torch.exp(-square / TOLERANCE ** 2)
+    return frames + (weight * difference).sum(1) / (1 + weight.sum(1))
+
+
 class Fusion(nn.Module):
     """Trunk and head; widths of the trunk at 1/2, 1/4, 1/8, 1/16 of the resolution, of the head at 1, 1/2, 1/4."""
 
@@ -193,13 +218,7 @@ class Fusion(nn.Module):
         height, width = prior.shape[-2:]
         path = trajectories(moved, times, height, width)
         count = path.shape[0]
-        away = path - pixel_grid(height, width, STRIDE, path.device)
-        away = F.interpolate(away.flatten(0, 1), scale_factor=STRIDE, mode="bilinear",
-                             align_corners=False)[..., :height, :width]
-        position = away + pixel_grid(height, width, 1, path.device)
-        fetched = sample(anchors.flatten(0, 1)[:, None], position, 1).view(count, ANCHORS, height, width)
-        limit = torch.tensor([width, height], device=path.device).view(1, 2, 1, 1) - 0.5
-        inside = ((position >= -0.5) & (position <= limit)).all(1).view(count, ANCHORS, height, width)
+        fetched, inside = fetch(anchors, path)
         difference = torch.where(inside, fetched - prior, torch.zeros_like(fetched))
         anchor = torch.arange(ANCHORS, device=path.device)[None]
         order = ((times[:, None] + 1) * (0.5 * (ANCHORS - 1)) - anchor).abs().argsort(dim=1, stable=True)

@@ -15,7 +15,7 @@ import motion
 from esl_net import BINS, EslNet, export_esl_net, outward_counts
 from events import network_inputs, normalise
 from export import model_metadata, model_tensors, write_safetensors
-from fusion import Fusion
+from fusion import REFERENCES, Fusion, agree
 from model import PAPER, RELEASE, ECIR
 from prior import Prior
 from scenes import Photos
@@ -201,7 +201,7 @@ def scaled_fusion(rng, trunk, head, inputs):
         for conv in net.modules():
             if isinstance(conv, (torch.nn.Conv2d, torch.nn.ConvTranspose2d)):
                 conv.weight.mul_(1.8)
-        net.head.out.weight.mul_(0.15 / (net(*inputs) - inputs[1]).std())
+        net.head.out.weight.mul_(0.02 / (net(*inputs) - inputs[1]).std())
         net.head.out.bias.fill_(0.05)
         for value in net.parameters():
             value.copy_(value.half().double())
@@ -210,29 +210,35 @@ def scaled_fusion(rng, trunk, head, inputs):
 
 def write_fusion_case(path, width, height, trunk, head, seed):
     """Writes one case of the fusion network, every pixel of it; returns the events, the mean changes by
-    the trunk and by the head, and the largest displacement."""
+    the trunk, by the head and by the agreement across time, and the largest displacement."""
     rng = np.random.default_rng(seed)
     photo = Photos([synthetic_blurry(rng, 2 * height, 2 * width).astype(np.float32)])
     scene = make_scene(photo, seed, 0, (height, width), 14.0)
     blurry = (scene.blurry / 255.0).astype(np.float32)
     times = np.float32([-1, 0.3, 0.875]).astype(np.float64)     # the last is half-way between two anchors
     thresholds = np.float32([1.1 * scene.sensor.positive, 1.05 * scene.sensor.negative]).astype(np.float64)
-    inputs = fusion_inputs(blurry, scene.t, scene.x, scene.y, scene.p, times, thresholds)
+    events = (scene.t, scene.x, scene.y, scene.p)
+    inputs = fusion_inputs(blurry, *events, times, thresholds)
     net = scaled_fusion(rng, trunk, head, inputs)
     with torch.no_grad():
         frames = net(*inputs)
+        references = net(*fusion_inputs(blurry, *events, motion.ANCHORS[list(REFERENCES)], thresholds))
+        moved = inputs[0][3]
+        agreed = agree(frames[0], references.expand(len(times), -1, -1, -1),
+                       moved.expand(len(times), -1, -1, -1, -1), inputs[3][0])
         exposure = inputs[0]
         still = net((*exposure[:3], 0 * exposure[3]), *inputs[1:])
     tensors, metadata = export_fusion(net, np.float16, "none: random reference case")
     more = {"input.blurry": blurry, "input.t": scene.t, "input.x": scene.x, "input.y": scene.y,
             "input.p": scene.p, "input.exposure": np.array([0, EXPOSURE_US]), "input.times": times,
-            "input.thresholds": thresholds, "output.frames": frames[0].numpy(),
+            "input.thresholds": thresholds, "output.corrected": frames[0].numpy(), "output.frames": agreed.numpy(),
             "output.moved": exposure[3][0].flatten(0, 1).numpy()}
     half = ("input.x", "input.y", "input.p")
     tensors.update({name: np.asarray(value, np.float16 if name in half else np.float32)
                     for name, value in more.items()})
     write_safetensors(path, tensors, metadata)
-    return len(scene.t), (frames - still).abs().mean(), (frames - inputs[1]).abs().mean(), exposure[3].abs().max()
+    return (len(scene.t), (frames - still).abs().mean(), (frames - inputs[1]).abs().mean(),
+            (agreed - frames[0]).abs().mean(), moved.abs().max())
 
 
 def main():
@@ -255,9 +261,9 @@ def main():
     print(f"{path}: {os.path.getsize(path)} bytes, mean change between frames {spread.min():.3f} "
           f"to {spread.max():.3f}, largest value {peak:.2f}")
     path = os.path.join(args.output, "fusion-61x45.safetensors")
-    events, moved, corrected, furthest = write_fusion_case(path, 61, 45, (16, 16, 20, 24), (12, 16, 20), 11)
+    events, moved, corrected, agreed, furthest = write_fusion_case(path, 61, 45, (16, 16, 20, 24), (12, 16, 20), 11)
     print(f"{path}: {os.path.getsize(path)} bytes, {events} events, mean change by the motion {moved:.3f}, "
-          f"by the head {corrected:.3f}, furthest {furthest:.1f} pixels a gap")
+          f"by the head {corrected:.3f}, by agreement {agreed:.4f}, furthest {furthest:.1f} pixels a gap")
 
 
 if __name__ == "__main__":
