@@ -24,6 +24,11 @@ constexpr uint32_t kEcirContext = 88;
 constexpr uint32_t kEslNetContext = 56;
 constexpr uint32_t kFade = 8; ///< pixels (RegionRule::fade)
 
+/// As estimated; shipped networks were trained up to 100 pixels.
+constexpr TravelRange kTrained{.most = 80};
+/// The published weights reach 20 dB in slow scenes, where a frame blurred by less has more.
+constexpr double kLeastForEslNet = 5;
+
 /// For methods without E-CIR's curve and refinement; what turns things off they do anyway.
 void refuse_curve_options(const std::string& method, const DeblurOptions& options) {
     if (options.refine_until.value_or(0) > 0) {
@@ -107,7 +112,8 @@ Deblur::Model Deblur::make_model(const std::string& name) const {
                 .rule = correct ? RegionRule{kFusionContext, kFade} : RegionRule{},
                 .pixel_by_pixel = !correct,
                 .has_thresholds = true,
-                .ignores_busy_pixels = true};
+                .ignores_busy_pixels = true,
+                .travel = kTrained};
     }
     if (kind != "ecir" && kind != "esl_net") {
         throw Error(ExitCode::bad_input,
@@ -122,7 +128,8 @@ Deblur::Model Deblur::make_model(const std::string& name) const {
     if (kind == "esl_net") {
         refuse_ecir_options("model " + options.model + ", an eSL-Net,", options);
         return {.method = std::make_unique<EslNetMethod>(device_, weights, height_, width_),
-                .rule = {kEslNetContext, kFade}};
+                .rule = {kEslNetContext, kFade},
+                .travel = {kLeastForEslNet, kTrained.most}};
     }
     const EcirConfig config(weights);
     if (options.keypoints && *options.keypoints != config.keypoints) {
@@ -136,7 +143,8 @@ Deblur::Model Deblur::make_model(const std::string& name) const {
                 EcirOptions{options.refine, options.refine_until, options.ordered}),
             .rule = {kEcirContext, kFade},
             .local = !config.release,
-            .ignores_busy_pixels = !config.release};
+            .ignores_busy_pixels = !config.release,
+            .travel = kTrained};
 }
 
 Deblur::Deblur(std::shared_ptr<Device> device, const DeblurOptions& options, uint32_t width,

@@ -10,6 +10,7 @@
 #include "layers/events.hpp"
 #include "layers/model_family.hpp"
 #include "layers/regions.hpp"
+#include "layers/scene_facts.hpp"
 #include "runtime/device.hpp"
 
 namespace ecir {
@@ -92,6 +93,9 @@ public:
     /// events.
     [[nodiscard]] std::optional<EdiThresholds> thresholds() const { return thresholds_; }
 
+    /// Motion that the model, with `auto` each of them, is good for.
+    [[nodiscard]] TravelRange travel_range() const { return members_.back().model.travel; }
+
     /// Pixels of the frame finished last with more events than a network takes
     /// (prior_busy_events), to which they were pixels without events. 0 for `edi`, eSL-Net and the
     /// `release` variant of E-CIR, which take them all.
@@ -133,6 +137,7 @@ private:
         bool pixel_by_pixel = false; ///< and what happens beside a pixel neither
         bool has_thresholds = false;
         bool ignores_busy_pixels = false; ///< as prior_busy_events says
+        TravelRange travel{};
     };
     /// A model to choose from.
     struct Member {

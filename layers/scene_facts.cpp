@@ -183,7 +183,7 @@ SceneFacts scene_facts(std::span<const float> blurry, const EventView& events,
     return facts;
 }
 
-std::vector<SceneWarning> scene_warnings(const SceneFacts& facts) {
+std::vector<SceneWarning> scene_warnings(const SceneFacts& facts, const TravelRange& served) {
     constexpr double kManyWhite = 0.02;
     constexpr double kManyBlack = 0.9;
     constexpr double kOneSign = 0.85;
@@ -192,7 +192,6 @@ std::vector<SceneWarning> scene_warnings(const SceneFacts& facts) {
     constexpr double kNoisy = 0.002; // such events a pixel
     constexpr double kBunched = 0.1; // costs up to 1.1 dB; what sensors and simulations give: 0.015
     constexpr double kHotShare = 1e-3; // of the pixels
-    constexpr double kFarthest = 80; // as estimated; shipped networks were trained up to 100 pixels
     std::vector<SceneWarning> found;
     const auto warn = [&](const char* name, const std::string& what) {
         found.push_back({name, what});
@@ -246,9 +245,14 @@ std::vector<SceneWarning> scene_warnings(const SceneFacts& facts) {
                          "events, and frames there keep some blur",
                          static_cast<double>(facts.longest_gap) * 1e-3));
     }
-    if (facts.travel > kFarthest) {
-        warn("fast", text("motion of about %.0f pixels during the exposure, more than the networks "
-                          "were trained on; -m edi has no such limit",
+    if (facts.travel < served.least) {
+        warn("slow", text("motion of about %.1f pixels during the exposure, too little for this "
+                          "model: the blurry frame is nearer to the truth; use another one",
+                          facts.travel));
+    }
+    if (facts.travel > served.most) {
+        warn("fast", text("motion of about %.0f pixels during the exposure, more than the network "
+                          "was trained on; -m edi has no such limit",
                           facts.travel));
     }
     return found;

@@ -1,5 +1,6 @@
 #pragma once
 #include <cstdint>
+#include <limits>
 #include <span>
 #include <string>
 #include <vector>
@@ -44,7 +45,13 @@ struct SceneWarning {
     std::string text; ///< what was found and what to do, for people
 };
 
-/// Those that hold. Their limits: layers/scene_facts.cpp.
-std::vector<SceneWarning> scene_warnings(const SceneFacts& facts);
+/// Motion, as SceneFacts::travel tells it, that a method is good for.
+struct TravelRange {
+    double least = 0; ///< below it the blurry frame is nearer to the truth
+    double most = std::numeric_limits<double>::infinity();
+};
+
+/// Those that hold for a method. Their limits: layers/scene_facts.cpp.
+std::vector<SceneWarning> scene_warnings(const SceneFacts& facts, const TravelRange& served);
 
 } // namespace ecir

@@ -19,6 +19,8 @@ constexpr uint32_t kWidth = 96;
 constexpr uint32_t kHeight = 64;
 constexpr Exposure kExposure{1'600'000'000'000'000, 1'600'000'000'120'000};
 
+constexpr TravelRange kServed{2, 80};
+
 struct Seen {
     std::vector<float> blurry;
     Events events;
@@ -28,7 +30,7 @@ struct Seen {
 };
 
 bool warned(const SceneFacts& facts, const std::string& name) {
-    return std::ranges::any_of(scene_warnings(facts), [&](const SceneWarning& warning) {
+    return std::ranges::any_of(scene_warnings(facts, kServed), [&](const SceneWarning& warning) {
         return warning.name == name && !warning.text.empty();
     });
 }
@@ -85,12 +87,26 @@ TEST_SUITE("scene facts") {
             const SceneFacts facts = moving(travel).facts();
             CHECK(facts.travel > 0.7 * travel);
             CHECK(facts.travel < 1.3 * travel);
-            CHECK(scene_warnings(facts).empty());
+            CHECK(scene_warnings(facts, kServed).empty());
         }
         const Seen shaken = see([](double x, double y, double time) {
             return texture(x - 10 * std::abs(2 * time - 1), y);
         });
         CHECK(shaken.facts().travel == doctest::Approx(20).epsilon(0.3));
+    }
+
+    TEST_CASE("motion beyond what a method is good for") {
+        const SceneFacts facts = moving(12).facts();
+        const auto names = [&](const TravelRange& served) {
+            std::string all;
+            for (const SceneWarning& warning : scene_warnings(facts, served)) {
+                all += warning.name + ' ';
+            }
+            return all;
+        };
+        CHECK(names({}).empty());
+        CHECK(names({20, 80}) == "slow ");
+        CHECK(names({0, 5}) == "fast ");
     }
 
     TEST_CASE("travel at a size that is binned") {
@@ -122,7 +138,7 @@ TEST_SUITE("scene facts") {
         CHECK(facts.events == 0);
         CHECK(facts.travel == 0);
         CHECK(warned(facts, "no-events"));
-        CHECK(scene_warnings(facts).size() == 1);
+        CHECK(scene_warnings(facts, kServed).size() == 1);
     }
 
     TEST_CASE("shares count pixels and events") {

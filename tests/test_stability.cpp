@@ -155,7 +155,7 @@ TEST_SUITE("stability") {
         CHECK(count(chart, "<circle") == 2 + 1); // what does not fail, and the legend
         CHECK(count(chart, "nan") + count(chart, "inf") == 0);
         const std::string table = markdown({result}, "here");
-        CHECK(count(table, "| method | 2; 8 | off by 3 |") == 1);
+        CHECK(count(table, "| method | 2; 8 | off by 3 |  |") == 1);
         CHECK(count(table, "| input |") == 0);
         const auto json = to_json(result);
         CHECK(json.at("series").size() == 2);
@@ -200,30 +200,22 @@ TEST_SUITE("stability") {
         CHECK(std::ranges::is_sorted(folded.t));
     }
 
-    TEST_CASE("signs of a frame and its events, by hand") {
-        Capture made{4,  2, {0, 0.5F, 0.98F, 1, 0.5F, 0.5F, 0.5F, 0.02F}, {}, {0, 1'000'000},
-                     {}, {}};
-        made.events.push_back(0, 0, 0, 1);       // unsupported
-        made.events.push_back(10'000, 1, 1, 1);  // beside it, 10 ms later
-        made.events.push_back(20'000, 1, 1, 1);  // (0, 0) within 50 ms
-        made.events.push_back(20'000, 3, 0, 0);  // far from both
-        made.events.push_back(500'000, 0, 0, 1); // too late
-        made.events.push_back(2'000'000, 0, 0, 1);
-        const Signs signs = signs_of(made);
-        const auto value = [&](const std::string& name) {
-            return std::ranges::find(signs, name, &Signs::value_type::first)->second;
-        };
-        CHECK(value("saturated") == 0.25);
-        CHECK(value("dark") == 0.25);
-        CHECK(value("events a pixel") == 5.0 / 8);
-        CHECK(value("active") == 3.0 / 8);
-        CHECK(value("busiest pixel") == 2);
-        CHECK(value("balance") == doctest::Approx(0.6));
-        CHECK(value("same time") == doctest::Approx(0.4));
-        CHECK(value("fullest") == doctest::Approx(0.4));
-        CHECK(value("empty") == doctest::Approx(0.97));
-        CHECK(value("100 Hz") == doctest::Approx(0.6)); // all at whole periods
-        CHECK(value("unsupported") == doctest::Approx(0.6));
+    TEST_CASE("what fails within a promise is safe where every scene of it is warned of") {
+        Sweep sweep{.name = "s", .title = "S", .x = {"x"}};
+        sweep.promises = {{"", 0, 10}};
+        Sample sample{.series = "method", .value = 3, .failed = true, .how = "off"};
+        CHECK_FALSE(sweep.holds(sample, 1));
+        CHECK(sweep.holds(sample, 11));
+        sample.warned.emplace();
+        CHECK_FALSE(sweep.holds(sample, 1));
+        Result result{sweep, {1, 2, 3}, {{sample}, {sample}, {sample}}};
+        CHECK(failure(result, "method").warned == "nothing at 1, 2, 3");
+        sample.warned = {"slow"};
+        CHECK(sweep.holds(sample, 1));
+        result.samples[1] = result.samples[2] = {sample};
+        CHECK(failure(result, "method").warned == "slow; nothing at 1");
+        sample.finite = false;
+        CHECK_FALSE(sweep.holds(sample, 1));
     }
 
     TEST_CASE("every form of the curve is the exact one where n is small and keypoints are even") {
@@ -275,9 +267,9 @@ TEST_SUITE("stability") {
                 .frames(input, Border::none);
         stability::Method method;
         method.options.model = "ecir";
-        CHECK(staged.refined == frames_of(small_lab(), method, made));
+        CHECK(staged.refined == find_frames(small_lab(), method, made).frames);
         method.options.refine = 0;
-        CHECK(staged.curve == frames_of(small_lab(), method, made));
+        CHECK(staged.curve == find_frames(small_lab(), method, made).frames);
 
         const EdiThresholds thresholds{0.2F, 0.2F};
         Capture told = made;
@@ -285,7 +277,7 @@ TEST_SUITE("stability") {
         method = {"edi", {}, true};
         method.options.model = "edi";
         const auto edi = staged_edi(input, made.width, made.height, thresholds, EdiBorder::none);
-        CHECK(rms_levels(edi, frames_of(small_lab(), method, told)) < 1e-3);
+        CHECK(rms_levels(edi, find_frames(small_lab(), method, told).frames) < 1e-3);
     }
 
     TEST_CASE("a copy of weights has what was changed, and goes away") {

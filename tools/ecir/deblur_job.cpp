@@ -252,7 +252,7 @@ private:
         ExposureReport report;
         report.item = loaded.item;
         report.facts = loaded.facts;
-        report.warnings = scene_warnings(loaded.facts);
+        report.warnings = scene_warnings(loaded.facts, deblur_->travel_range());
         report.thresholds_given = job_.deblur.thresholds.has_value();
         report.frames = frames;
         return report;

@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <limits>
 
+#include "layers/scene_facts.hpp"
 #include "runtime/error.hpp"
 #include "weights/safetensors.hpp"
 
@@ -34,15 +35,15 @@ bool finite(std::span<const float> values) {
     return std::ranges::all_of(values, [](float value) { return std::isfinite(value); });
 }
 
-/// Runs `figure` for each subject and makes the mean of it a sample; what throws or is not finite
-/// becomes a failed one.
+/// Runs `figure` for each subject, by its index, and makes the mean of it a sample; what throws or
+/// is not finite becomes a failed one.
 Sample gather(const Lab& lab, const std::string& series,
-              const std::function<double(const Subject&, bool& finite)>& figure) {
+              const std::function<double(size_t, Sample&)>& figure) {
     Sample sample{.series = series};
     double sum = 0;
     try {
-        for (const Subject& subject : lab.subjects) {
-            sum += figure(subject, sample.finite);
+        for (size_t i = 0; i < lab.subjects.size(); ++i) {
+            sum += figure(i, sample);
         }
         sample.value = sum / static_cast<double>(lab.subjects.size());
     } catch (const Error& error) {
@@ -70,8 +71,22 @@ std::vector<Capture> captures(const Lab& lab, const Make& make, double value) {
     return made;
 }
 
-size_t place(const Lab& lab, const Subject& subject) {
-    return static_cast<size_t>(&subject - lab.subjects.data());
+/// Adds what was found for the next subject; where one is not warned of, none is.
+void add(Sample& sample, const Found& found) {
+    sample.finite = sample.finite && finite(found.frames);
+    if (!sample.warned) {
+        sample.warned = found.warnings;
+        return;
+    }
+    if (sample.warned->empty() || found.warnings.empty()) {
+        sample.warned->clear();
+        return;
+    }
+    for (const std::string& name : found.warnings) {
+        if (std::ranges::find(*sample.warned, name) == sample.warned->end()) {
+            sample.warned->push_back(name);
+        }
+    }
 }
 
 } // namespace
@@ -95,14 +110,22 @@ std::vector<Method> methods_of(const std::vector<std::string>& models) {
     return methods;
 }
 
-std::vector<float> frames_of(const Lab& lab, const Method& method, const Capture& capture) {
+Found find_frames(const Lab& lab, const Method& method, const Capture& capture) {
     DeblurOptions options = method.options;
     if (method.told) {
         options.thresholds = capture.told;
     }
     Deblur deblur(lab.device, options, capture.width, capture.height);
-    return deblur.frames(capture.blurry, capture.events.view(), capture.exposure,
-                         even_times(static_cast<uint32_t>(capture.truth.size())));
+    const EventView events = window(capture.events.view(), capture.exposure);
+    Found found{deblur.frames(capture.blurry, events, capture.exposure,
+                              even_times(static_cast<uint32_t>(capture.truth.size()))),
+                {}};
+    const SceneFacts facts =
+        scene_facts(capture.blurry, events, capture.exposure, capture.width, capture.height);
+    for (const SceneWarning& warning : scene_warnings(facts, deblur.travel_range())) {
+        found.warnings.push_back(warning.name);
+    }
+    return found;
 }
 
 double rms_levels(std::span<const float> a, std::span<const float> b) {
@@ -123,7 +146,8 @@ bool Sweep::holds(const Sample& sample, double value) const {
     if (!sample.finite) {
         return false;
     }
-    return !sample.failed || std::ranges::none_of(promises, [&](const Promise& promise) {
+    const bool warned = sample.warned && !sample.warned->empty();
+    return !sample.failed || warned || std::ranges::none_of(promises, [&](const Promise& promise) {
         return sample.series.starts_with(promise.series) && value >= promise.low &&
                value <= promise.high;
     });
@@ -146,25 +170,23 @@ Sweep against_blurry(Sweep sweep, Make make) {
     sweep.measure = [make = std::move(make)](const Lab& lab, double value) {
         const std::vector<Capture> made = captures(lab, make, value);
         std::vector<Sample> samples;
-        Sample blurry = gather(lab, "blurry frame", [&](const Subject& subject, bool&) {
-            const Capture& seen = made[place(lab, subject)];
+        Sample blurry = gather(lab, "blurry frame", [&](size_t i, Sample&) {
+            const Capture& seen = made[i];
             std::vector<float> still;
-            for (size_t i = 0; i < seen.truth.size(); ++i) {
+            for (size_t k = 0; k < seen.truth.size(); ++k) {
                 still.insert(still.end(), seen.blurry.begin(), seen.blurry.end());
             }
             return psnr(still, seen);
         });
         blurry.reference = true;
-        blurry.signs = signs_of(made.front());
         samples.push_back(blurry);
         samples.push_back(
             {.series = "fails below", .value = blurry.value - kHarm, .reference = true});
         for (const Method& method : lab.methods) {
-            Sample sample = gather(lab, method.name, [&](const Subject& subject, bool& all_finite) {
-                const Capture& seen = made[place(lab, subject)];
-                const auto frames = frames_of(lab, method, seen);
-                all_finite = all_finite && finite(frames);
-                return psnr(frames, seen);
+            Sample sample = gather(lab, method.name, [&](size_t i, Sample& whole) {
+                const Found found = find_frames(lab, method, made[i]);
+                add(whole, found);
+                return psnr(found.frames, made[i]);
             });
             if (sample.value < blurry.value - kHarm) {
                 sample.failed = true;
@@ -190,18 +212,18 @@ Sweep against_same(Sweep sweep, const Make& make, const Make& same,
         const std::vector<Capture> known = captures(lab, same, value);
         std::vector<Sample> samples;
         for (const Method& method : lab.methods) {
-            Sample sample = gather(lab, method.name, [&](const Subject& subject, bool& all_finite) {
-                const Capture& seen = made[place(lab, subject)];
-                auto frames = frames_of(lab, method, seen);
-                auto expected = frames_of(lab, method, known[place(lab, subject)]);
-                all_finite = all_finite && finite(frames);
-                for (size_t i = 0; look && i < frames.size(); ++i) {
-                    const auto pixel = static_cast<uint32_t>(i % seen.pixels());
-                    if (!look(subject, pixel % seen.width, pixel / seen.width)) {
-                        frames[i] = expected[i] = 0;
+            Sample sample = gather(lab, method.name, [&](size_t i, Sample& whole) {
+                const Capture& seen = made[i];
+                Found found = find_frames(lab, method, seen);
+                add(whole, found);
+                auto expected = find_frames(lab, method, known[i]).frames;
+                for (size_t k = 0; look && k < expected.size(); ++k) {
+                    const auto pixel = static_cast<uint32_t>(k % seen.pixels());
+                    if (!look(lab.subjects[i], pixel % seen.width, pixel / seen.width)) {
+                        found.frames[k] = expected[k] = 0;
                     }
                 }
-                return rms_levels(frames, expected);
+                return rms_levels(found.frames, expected);
             });
             if (sample.value > limit) {
                 sample.failed = true;

@@ -7,8 +7,13 @@ namespace ecir::stability {
 
 using Make = std::function<Capture(const Subject&, double)>;
 
-/// The frames of one method at the times of the truth; throws what Deblur throws.
-std::vector<float> frames_of(const Lab& lab, const Method& method, const Capture& capture);
+/// What a method makes of a capture.
+struct Found {
+    std::vector<float> frames;         ///< at the times of the truth
+    std::vector<std::string> warnings; ///< names of those that the report gives
+};
+/// Throws what Deblur throws.
+Found find_frames(const Lab& lab, const Method& method, const Capture& capture);
 
 /// Root mean square, in grey levels of 8 bits, of a - b, clipped to what an image can hold.
 double rms_levels(std::span<const float> a, std::span<const float> b);

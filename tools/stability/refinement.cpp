@@ -112,7 +112,7 @@ Sample refined(const Lab& lab, const Method& method, const std::string& name, do
     Sample sample{.series = name};
     for (const Subject& subject : lab.subjects) {
         const Capture seen = capture(subject, nominal(subject));
-        const auto frames = frames_of(lab, method, seen);
+        const auto frames = find_frames(lab, method, seen).frames;
         sample.finite =
             sample.finite && std::ranges::all_of(frames, [](float v) { return std::isfinite(v); });
         sample.value += psnr(frames, seen) / static_cast<double>(lab.subjects.size());

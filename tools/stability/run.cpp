@@ -70,6 +70,35 @@ Result run(const Sweep& sweep, const Lab& lab, bool quick,
     return result;
 }
 
+/// Of the failed samples of a series, each once; and where a failure of a scene has none.
+std::string warnings(const Result& result, const std::string& series) {
+    std::vector<std::string> names;
+    std::vector<std::string> without;
+    for (size_t i = 0; i < result.values.size(); ++i) {
+        const Sample* sample = result.find(i, series);
+        if (sample == nullptr || !sample->failed || sample->refused || !sample->warned) {
+            continue;
+        }
+        for (const std::string& name : *sample->warned) {
+            if (std::ranges::find(names, name) == names.end()) {
+                names.push_back(name);
+            }
+        }
+        if (sample->warned->empty()) {
+            without.push_back(result.label(i));
+        }
+    }
+    const auto joined = [](const std::vector<std::string>& parts) {
+        std::string text;
+        for (const std::string& part : parts) {
+            text += (text.empty() ? "" : ", ") + part;
+        }
+        return text;
+    };
+    return joined(names) + (!names.empty() && !without.empty() ? "; " : "") +
+           (without.empty() ? "" : "nothing at " + joined(without));
+}
+
 Failure failure(const Result& result, const std::string& series) {
     std::vector<bool> failed;
     const Sample* worst = nullptr;
@@ -102,7 +131,8 @@ Failure failure(const Result& result, const std::string& series) {
         }
         i = end + 1;
     }
-    return {at.empty() ? "nowhere" : at, worst == nullptr ? "" : worst->how};
+    return {at.empty() ? "nowhere" : at, worst == nullptr ? "" : worst->how,
+            warnings(result, series)};
 }
 
 std::string markdown(const std::vector<Result>& results, const std::string& where) {
@@ -116,14 +146,15 @@ std::string markdown(const std::vector<Result>& results, const std::string& wher
         text += "`" + sweep.name + "`. Swept: " + sweep.x.label + ", " + result.label(0) + " to " +
                 result.label(result.values.size() - 1) + ". Fails: " + sweep.fails +
                 ". What ecir does: " + sweep.safe + ".\n\n";
-        text += "| | fails at | how it shows there |\n| --- | --- | --- |\n";
+        text += "| | fails at | how it shows there | warned of as |\n| --- | --- | --- | --- |\n";
         for (const std::string& series : result.series()) {
             if (!result.samples.front().empty() && result.find(0, series) != nullptr &&
                 result.find(0, series)->reference) {
                 continue;
             }
             const Failure found = failure(result, series);
-            text += "| " + cell(series) + " | " + cell(found.at) + " | " + cell(found.how) + " |\n";
+            text += "| " + cell(series) + " | " + cell(found.at) + " | " + cell(found.how) + " | " +
+                    cell(found.warned) + " |\n";
         }
     }
     return text;
@@ -145,14 +176,15 @@ nlohmann::ordered_json to_json(const Result& result) {
             const bool known = sample != nullptr && std::isfinite(sample->value);
             line["values"].push_back(known ? nlohmann::ordered_json(sample->value) : nullptr);
             line["failed"].push_back(sample != nullptr && sample->failed);
-            for (const auto& [sign, value] : sample == nullptr ? Signs{} : sample->signs) {
-                line["signs"][sign].push_back(value);
+            if (sample != nullptr && sample->warned) {
+                line["warned"].push_back(*sample->warned);
             }
             line["reference"] = sample != nullptr && sample->reference;
         }
         const Failure found = failure(result, series);
         line["fails_at"] = found.at;
         line["how"] = found.how;
+        line["warned_of_as"] = found.warned;
         json["series"].push_back(line);
     }
     json["broken"] = result.broken();

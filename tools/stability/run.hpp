@@ -32,10 +32,11 @@ Result run(const Sweep& sweep, const Lab& lab, bool quick,
 struct Failure {
     std::string at; ///< "nowhere", "2", "2 and more", "0.5 and less; 1.4 and more"
     std::string how;
+    std::string warned; ///< names of warnings, and where there is none; empty where no scene failed
 };
 Failure failure(const Result& result, const std::string& series);
 
-/// Sweep, series by series: fails at, how it shows, what ecir does.
+/// Sweep, series by series: fails at, how it shows, what the report warns of, what ecir does.
 std::string markdown(const std::vector<Result>& results, const std::string& where);
 nlohmann::ordered_json to_json(const Result& result);
 

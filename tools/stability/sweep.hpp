@@ -8,7 +8,6 @@
 #include "layers/deblur.hpp"
 #include "tools/ecir/svg.hpp"
 #include "tools/stability/capture.hpp"
-#include "tools/stability/signs.hpp"
 
 /// Sweeps of one condition each: where every method, or every form of a computation, begins to
 /// fail, and that what ecir does there is safe.
@@ -40,7 +39,9 @@ struct Sample {
     bool finite = true;     ///< what it was computed from
     bool refused = false;   ///< an Error with the code for bad input or wrong usage
     std::string how{};      ///< how a failure shows, for a person
-    Signs signs{};          ///< of the input, where it is a scene
+    /// Names of the warnings that the report gives for this input (scene_warnings()), where it is a
+    /// scene; none unless there is one for each of them.
+    std::optional<std::vector<std::string>> warned{};
 };
 
 struct Axis {
@@ -48,7 +49,8 @@ struct Axis {
     cli::svg::Spread spread = cli::svg::Spread::even;
 };
 
-/// Within `low` ... `high` the series must not fail: the safe behaviour, which tests hold to.
+/// Within `low` ... `high` the series must not fail without a warning: the safe behaviour, which
+/// tests hold to.
 struct Promise {
     std::string series; ///< how its name begins; empty: all of them
     double low;
