@@ -163,18 +163,18 @@ ConvFamily row_family(const DeviceInfo& info, std::span<const uint32_t> out_chan
 }
 
 Layout conv_layout(const DeviceInfo& info, ConvFamily family, uint32_t channels, uint32_t height,
-                   uint32_t width, uint32_t halo, uint32_t row) {
+                   uint32_t width, uint32_t halo) {
     if (family != ConvFamily::row) {
         return {channels, height, width, channel_block(info), halo};
     }
-    constexpr uint32_t kPitchStep = 8; // few pitches, few pipelines
-    const uint32_t pitch = round_up(std::max(width, row) + 2 * halo, kPitchStep);
+    constexpr uint32_t kPitchStep = 8; // the same for a halo of 1 and of 2
+    const uint32_t pitch = round_up(row_pixels(width) + 2 * halo, kPitchStep);
     return {channels, height, width, 1, halo, pitch, channels};
 }
 
 Layout image_layout(const DeviceInfo& info, ConvFamily family, uint32_t channels, uint32_t height,
-                    uint32_t width, uint32_t halo, uint32_t row) {
-    return family == ConvFamily::row ? conv_layout(info, family, channels, height, width, halo, row)
+                    uint32_t width, uint32_t halo) {
+    return family == ConvFamily::row ? conv_layout(info, family, channels, height, width, halo)
                                      : Layout{channels, height, width, 1, halo};
 }
 

@@ -49,15 +49,13 @@ ConvFamily row_family(const DeviceInfo& info, std::span<const uint32_t> out_chan
 ConvFamily row_family(const DeviceInfo& info, std::span<const uint32_t> out_channels,
                       uint64_t most);
 
-/// The layout of a tensor between convolutions of a family.
-/// `row`: pixels of the rows that the row family's pipelines, which depend on it, are made for,
-/// where that is more than the width: of the image that this one is a window of.
+/// The layout of a tensor between convolutions of a family; by rows of few sizes (row_pixels()).
 Layout conv_layout(const DeviceInfo& info, ConvFamily family, uint32_t channels, uint32_t height,
-                   uint32_t width, uint32_t halo = 0, uint32_t row = 0);
+                   uint32_t width, uint32_t halo = 0);
 /// The layout of what a family's first convolution reads, and other kernels read and write plane by
 /// plane.
 Layout image_layout(const DeviceInfo& info, ConvFamily family, uint32_t channels, uint32_t height,
-                    uint32_t width, uint32_t halo = 0, uint32_t row = 0);
+                    uint32_t width, uint32_t halo = 0);
 
 struct ConvDesc {
     uint32_t out_channels = 1;

@@ -74,20 +74,20 @@ EcirMethod::EcirMethod(std::shared_ptr<Device> device, const SafeTensors& weight
           Networks{UNet(*device_, weights, config_.bins, config_.keypoints,
                         UNet::family(device_->info(), weights, config_.bins, height, width)),
                    Refinement(*device_, weights, !config_.release)})),
-      height_(height), width_(width),
-      row_(width), extent_{options.refine.value_or(config_.iterations),
-                           options.refine_until.value_or(config_.release ? 0 : kSettled) / 255,
-                           options.ordered} {}
+      height_(height),
+      width_(width), extent_{options.refine.value_or(config_.iterations),
+                             options.refine_until.value_or(config_.release ? 0 : kSettled) / 255,
+                             options.ordered} {}
 
 EcirMethod::EcirMethod(std::shared_ptr<Device> device, const EcirConfig& config,
                        std::shared_ptr<const Networks> networks, uint32_t height, uint32_t width,
-                       uint32_t row, const Extent& extent)
+                       const Extent& extent)
     : device_(std::move(device)), config_(config), networks_(std::move(networks)), height_(height),
-      width_(width), row_(row), extent_(extent) {}
+      width_(width), extent_(extent) {}
 
 std::unique_ptr<Method> EcirMethod::resized(uint32_t height, uint32_t width) const {
-    return std::unique_ptr<Method>(new EcirMethod(device_, config_, networks_, height, width,
-                                                  window_row(width, row_), extent_));
+    return std::unique_ptr<Method>(
+        new EcirMethod(device_, config_, networks_, height, width, extent_));
 }
 
 void EcirMethod::record(Program& program, uint32_t frames, uint32_t capacity) {
@@ -97,7 +97,7 @@ void EcirMethod::record(Program& program, uint32_t frames, uint32_t capacity) {
     const bool refine = extent_.iterations > 0;
 
     events_ = EventTensors(program, height_, width_, capacity);
-    blurry_ = program.input(unet.blurry_layout(info, height_, width_, row_));
+    blurry_ = program.input(unet.blurry_layout(info, height_, width_));
     rule_ = program.input({1, 1, 4});
     input_intervals_ = program.input({1, 1, config_.bins});
     frame_intervals_ = program.input({1, 1, std::max(2 * (frames - 1), 1U)});
@@ -105,14 +105,14 @@ void EcirMethod::record(Program& program, uint32_t frames, uint32_t capacity) {
     output_ = program.output({frames, height_, width_});
 
     const Tensor histogram =
-        program.cleared(unet.input_layout(info, config_.bins, height_, width_, row_));
+        program.cleared(unet.input_layout(info, config_.bins, height_, width_));
     record_event_histogram(program, events_.offset, events_.mark, events_.positives,
                            input_intervals_, histogram);
 
-    const Tensor keypoints = program.cleared(unet.input_layout(info, n, height_, width_, row_));
+    const Tensor keypoints = program.cleared(unet.input_layout(info, n, height_, width_));
     record_keypoints(program, events_.offset, events_.time, events_.tick, rule_, keypoints, 0, n);
 
-    const Tensor derivatives = unet.record(program, blurry_, histogram, keypoints, row_);
+    const Tensor derivatives = unet.record(program, blurry_, histogram, keypoints);
 
     CurveOptions curve{.n = n, .spaced = !config_.release};
     if (extent_.ordered) {

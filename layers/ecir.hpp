@@ -64,7 +64,7 @@ private:
     };
     EcirMethod(std::shared_ptr<Device> device, const EcirConfig& config,
                std::shared_ptr<const Networks> networks, uint32_t height, uint32_t width,
-               uint32_t row, const Extent& extent);
+               const Extent& extent);
     /// How a frame was brightened for the networks.
     struct Brightening {
         float gain = 1;
@@ -81,7 +81,6 @@ private:
     std::shared_ptr<const Networks> networks_;
     uint32_t height_;
     uint32_t width_;
-    uint32_t row_; ///< pixels that rows are made for (conv_layout())
     Extent extent_;
 
     MethodProgram program_;

@@ -88,13 +88,12 @@ EslNet::EslNet(Device& device, const SafeTensors& weights, ConvFamily family)
       endconv_(device, kChannels, 3, weight_of(weights, "endconv", kChannels, 1, 3), 0, family) {}
 
 void EslNet::record(Program& program, const Tensor& blurry, const Tensor& histogram,
-                    const Tensor& output, uint32_t row) const {
+                    const Tensor& output) const {
     const Layout& size = blurry.layout();
     const DeviceInfo& info = program.device().info();
     // Cleared where a convolution reads the zeros around its input.
     const auto tensor = [&](uint32_t channels, uint32_t halo) {
-        const Layout layout =
-            conv_layout(info, family_, channels, size.height, size.width, halo, row);
+        const Layout layout = conv_layout(info, family_, channels, size.height, size.width, halo);
         return halo > 0 ? program.cleared(layout) : program.temporary(layout);
     };
     const Tensor hidden = tensor(kChannels, 0);
@@ -129,29 +128,26 @@ EslNetMethod::EslNetMethod(const std::shared_ptr<Device>& device, const SafeTens
     : EslNetMethod(device,
                    std::make_shared<const EslNet>(*device, weights,
                                                   EslNet::family(device->info(), height, width)),
-                   height, width, width) {}
+                   height, width) {}
 
 EslNetMethod::EslNetMethod(std::shared_ptr<Device> device, std::shared_ptr<const EslNet> network,
-                           uint32_t height, uint32_t width, uint32_t row)
-    : device_(std::move(device)), network_(std::move(network)), height_(height), width_(width),
-      row_(row) {}
+                           uint32_t height, uint32_t width)
+    : device_(std::move(device)), network_(std::move(network)), height_(height), width_(width) {}
 
 std::unique_ptr<Method> EslNetMethod::resized(uint32_t height, uint32_t width) const {
-    return std::unique_ptr<Method>(
-        new EslNetMethod(device_, network_, height, width, window_row(width, row_)));
+    return std::unique_ptr<Method>(new EslNetMethod(device_, network_, height, width));
 }
 
 void EslNetMethod::record(Program& program, uint32_t capacity) {
     events_ = EventTensors(program, height_, width_, capacity);
     const DeviceInfo& info = device_->info();
-    blurry_ = program.input(network_->blurry_layout(info, height_, width_, row_));
+    blurry_ = program.input(network_->blurry_layout(info, height_, width_));
     intervals_ = program.input({1, 1, 4 * EslNet::bins});
     output_ = program.output({1, height_, width_});
-    const Tensor histogram =
-        program.temporary(network_->histogram_layout(info, height_, width_, row_));
+    const Tensor histogram = program.temporary(network_->histogram_layout(info, height_, width_));
     record_event_histogram(program, events_.offset, events_.mark, events_.positives, intervals_,
                            histogram);
-    network_->record(program, blurry_, histogram, output_, row_);
+    network_->record(program, blurry_, histogram, output_);
 }
 
 void EslNetMethod::begin(const FrameInput& input) {

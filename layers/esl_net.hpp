@@ -26,13 +26,13 @@ public:
     /// The fastest family for images up to this size.
     static ConvFamily family(const DeviceInfo& info, uint32_t height, uint32_t width);
     /// Of record()'s blurry frame and histogram; `row` as for conv_layout().
-    [[nodiscard]] Layout blurry_layout(const DeviceInfo& info, uint32_t height, uint32_t width,
-                                       uint32_t row) const {
-        return image_layout(info, family_, 1, height, width, 0, row);
+    [[nodiscard]] Layout blurry_layout(const DeviceInfo& info, uint32_t height,
+                                       uint32_t width) const {
+        return image_layout(info, family_, 1, height, width);
     }
-    [[nodiscard]] Layout histogram_layout(const DeviceInfo& info, uint32_t height, uint32_t width,
-                                          uint32_t row) const {
-        return conv_layout(info, family_, 4 * bins, height, width, 0, row);
+    [[nodiscard]] Layout histogram_layout(const DeviceInfo& info, uint32_t height,
+                                          uint32_t width) const {
+        return conv_layout(info, family_, 4 * bins, height, width);
     }
 
     static constexpr uint32_t bins = 20; ///< time intervals on either side of the frame's instant
@@ -40,7 +40,7 @@ public:
     /// blurry; histogram: two channels for each of outward_intervals();
     /// output: 1 channel, any layout.
     void record(Program& program, const Tensor& blurry, const Tensor& histogram,
-                const Tensor& output, uint32_t row) const;
+                const Tensor& output) const;
 
 private:
     ConvFamily family_;
@@ -72,14 +72,13 @@ public:
 
 private:
     EslNetMethod(std::shared_ptr<Device> device, std::shared_ptr<const EslNet> network,
-                 uint32_t height, uint32_t width, uint32_t row);
+                 uint32_t height, uint32_t width);
     void record(Program& program, uint32_t capacity);
 
     std::shared_ptr<Device> device_;
     std::shared_ptr<const EslNet> network_;
     uint32_t height_;
     uint32_t width_;
-    uint32_t row_; ///< pixels that rows are made for (conv_layout())
 
     MethodProgram program_; ///< makes one frame
     EventTensors events_;

@@ -44,16 +44,15 @@ std::shared_ptr<const FusionMethod::Networks> FusionMethod::load(Device& device,
 
 FusionMethod::FusionMethod(const std::shared_ptr<Device>& device, const SafeTensors& weights,
                            uint32_t height, uint32_t width, FusionSteps steps)
-    : FusionMethod(device, load(*device, weights), height, width, width, steps) {}
+    : FusionMethod(device, load(*device, weights), height, width, steps) {}
 
 FusionMethod::FusionMethod(std::shared_ptr<Device> device, std::shared_ptr<const Networks> networks,
-                           uint32_t height, uint32_t width, uint32_t row, FusionSteps steps)
+                           uint32_t height, uint32_t width, FusionSteps steps)
     : device_(std::move(device)), networks_(std::move(networks)), height_(height), width_(width),
-      row_(row), steps_(steps) {}
+      steps_(steps) {}
 
 std::unique_ptr<Method> FusionMethod::resized(uint32_t height, uint32_t width) const {
-    return std::unique_ptr<Method>(
-        new FusionMethod(device_, networks_, height, width, window_row(width, row_), steps_));
+    return std::unique_ptr<Method>(new FusionMethod(device_, networks_, height, width, steps_));
 }
 
 FusionMethod::Shared FusionMethod::find_shared(std::span<const double> times) {
@@ -79,7 +78,7 @@ void FusionMethod::record(Program& program, uint32_t frames, const Shared& share
                            events_.positives, blurry_,      threshold_input_};
 
     PriorExposure exposure;
-    const Layout images = networks_->trunk.exposure_layout(device_->info(), height_, width_, row_);
+    const Layout images = networks_->trunk.exposure_layout(device_->info(), height_, width_);
     exposure.anchors = program.cleared(images);
     exposure.context = program.cleared(images);
     exposure.base = program.temporary({1, height_, width_});
@@ -102,14 +101,14 @@ FusionMethod::Correction FusionMethod::record_correction(Program& program, const
                                                          const PriorExposure& exposure) const {
     const Tensor moved = program.temporary(motion_layout(height_, width_));
     const Tensor velocity =
-        program.cleared(networks_->trunk.velocity_layout(device_->info(), height_, width_, row_));
+        program.cleared(networks_->trunk.velocity_layout(device_->info(), height_, width_));
     record_motion(program, exposure.logarithms, moved, velocity);
     return {.input = input,
             .exposure = exposure,
             .moved = moved,
-            .features = networks_->trunk.record(program, exposure, velocity, row_),
+            .features = networks_->trunk.record(program, exposure, velocity),
             .network = &networks_->head,
-            .head = networks_->head.prepare(program, height_, width_, row_),
+            .head = networks_->head.prepare(program, height_, width_),
             .away = program.temporary(away_layout(height_, width_)),
             .consistency = program.cleared(consistency_state_layout(height_, width_))};
 }

@@ -39,7 +39,7 @@ private:
     };
     static std::shared_ptr<const Networks> load(Device& device, const SafeTensors& weights);
     FusionMethod(std::shared_ptr<Device> device, std::shared_ptr<const Networks> networks,
-                 uint32_t height, uint32_t width, uint32_t row, FusionSteps steps);
+                 uint32_t height, uint32_t width, FusionSteps steps);
     /// By reference (layers/agreement.hpp) the index of its time among the wanted ones, or none.
     using Shared = std::array<std::optional<uint32_t>, reference_count>;
     static Shared find_shared(std::span<const double> times);
@@ -60,7 +60,6 @@ private:
     std::shared_ptr<const Networks> networks_;
     uint32_t height_;
     uint32_t width_;
-    uint32_t row_; ///< pixels that rows are made for (conv_layout())
     FusionSteps steps_;
 
     MethodProgram program_;

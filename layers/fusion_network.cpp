@@ -146,26 +146,23 @@ FusionTrunk::FusionTrunk(Device& device, const SafeTensors& weights, const Fusio
     load.basis("trunk.feature", b, widths.head[2]);
 }
 
-Layout FusionTrunk::exposure_layout(const DeviceInfo& info, uint32_t height, uint32_t width,
-                                    uint32_t row) const {
-    return image_layout(info, family_, anchor_count, height, width, 1, row);
+Layout FusionTrunk::exposure_layout(const DeviceInfo& info, uint32_t height, uint32_t width) const {
+    return image_layout(info, family_, anchor_count, height, width, 1);
 }
 
-Layout FusionTrunk::velocity_layout(const DeviceInfo& info, uint32_t height, uint32_t width,
-                                    uint32_t row) const {
-    return conv_layout(info, family_, 2 * anchor_count, ceil_div(height, 8), ceil_div(width, 8), 1,
-                       ceil_div(row, 8));
+Layout FusionTrunk::velocity_layout(const DeviceInfo& info, uint32_t height, uint32_t width) const {
+    return conv_layout(info, family_, 2 * anchor_count, ceil_div(height, 8), ceil_div(width, 8), 1);
 }
 
-Tensor FusionTrunk::record(Program& program, const PriorExposure& exposure, const Tensor& velocity,
-                           uint32_t row) const {
+Tensor FusionTrunk::record(Program& program, const PriorExposure& exposure,
+                           const Tensor& velocity) const {
     const auto [a, b, c, d] = widths_.trunk;
     const uint32_t height = exposure.anchors.layout().height;
     const uint32_t width = exposure.anchors.layout().width;
     const DeviceInfo& info = program.device().info();
     const auto zeroed = [&](uint32_t channels, uint32_t divisor) {
         return program.cleared(conv_layout(info, family_, channels, ceil_div(height, divisor),
-                                           ceil_div(width, divisor), 1, ceil_div(row, divisor)));
+                                           ceil_div(width, divisor), 1));
     };
     const auto conv = [&](const char* name) -> const Conv& {
         return convs_.at(std::string("trunk.") + name);
@@ -218,17 +215,15 @@ FusionHead::FusionHead(Device& device, const SafeTensors& weights, const FusionW
     load.add("head.up0.conv", {b}, {.out_channels = a, .stride = 2, .transposed = true});
 }
 
-FusionHead::Tensors FusionHead::prepare(Program& program, uint32_t height, uint32_t width,
-                                        uint32_t row) const {
+FusionHead::Tensors FusionHead::prepare(Program& program, uint32_t height, uint32_t width) const {
     const auto [a, b, c] = widths_.head;
     const DeviceInfo& info = program.device().info();
     const auto at = [&](uint32_t channels, uint32_t divisor, uint32_t halo) {
         return conv_layout(info, family_, channels, ceil_div(height, divisor),
-                           ceil_div(width, divisor), halo, ceil_div(row, divisor));
+                           ceil_div(width, divisor), halo);
     };
     Tensors t;
-    t.planes =
-        program.cleared(image_layout(info, family_, plane_count, height, width, kPlaneHalo, row));
+    t.planes = program.cleared(image_layout(info, family_, plane_count, height, width, kPlaneHalo));
     t.mixed = program.temporary(mixed_layout(info, family_, c, height, width));
     t.x0 = program.temporary(at(a, 1, 0));
     t.taps = ConvPair::scratch(program, height, width);

@@ -31,15 +31,14 @@ public:
 
     /// Layouts of record_prior()'s anchors and context, and of record_motion()'s channels, whose
     /// halos are zeros; `row` as for conv_layout(), here and below.
-    [[nodiscard]] Layout exposure_layout(const DeviceInfo& info, uint32_t height, uint32_t width,
-                                         uint32_t row) const;
-    [[nodiscard]] Layout velocity_layout(const DeviceInfo& info, uint32_t height, uint32_t width,
-                                         uint32_t row) const;
+    [[nodiscard]] Layout exposure_layout(const DeviceInfo& info, uint32_t height,
+                                         uint32_t width) const;
+    [[nodiscard]] Layout velocity_layout(const DeviceInfo& info, uint32_t height,
+                                         uint32_t width) const;
 
     /// Returns the features, fusion_basis_layout() of the head's last width at a quarter of the
     /// size. What fills up the last block of `velocity` must be finite.
-    Tensor record(Program& program, const PriorExposure& exposure, const Tensor& velocity,
-                  uint32_t row) const;
+    Tensor record(Program& program, const PriorExposure& exposure, const Tensor& velocity) const;
 
 private:
     FusionWidths widths_;
@@ -56,7 +55,7 @@ public:
     struct Tensors {
         Tensor planes, mixed, x0, taps, x1, inner1, x2, inner2;
     };
-    Tensors prepare(Program& program, uint32_t height, uint32_t width, uint32_t row) const;
+    Tensors prepare(Program& program, uint32_t height, uint32_t width) const;
 
     /// From t.planes and t.mixed to the frame, 1 channel, block 1.
     void record(Program& program, const Tensors& t, const Tensor& frame) const;

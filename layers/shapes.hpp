@@ -19,14 +19,19 @@ constexpr uint32_t round_up(uint32_t value, uint32_t multiple) {
     return ceil_div(value, multiple) * multiple;
 }
 
-/// The `row` of conv_layout() for a window of `width` pixels in an image whose rows are made for
-/// `image`: one of few sizes, which have pipelines of their own each, with under half of it left
-/// over.
-constexpr uint32_t window_row(uint32_t width, uint32_t image) {
-    while (ceil_div(image, 2) >= width && image > 1) {
-        image = ceil_div(image, 2);
+/// Pixels of the rows that images `width` wide lie in, by rows (conv_layout()): 24, 48, ..., 768,
+/// then multiples of 128, as memory counts. Pipelines of the row family depend on them, and take a
+/// CPU driver seconds to compile; so sensors 240 to 346 wide, and most windows, share theirs.
+constexpr uint32_t row_pixels(uint32_t width) {
+    constexpr uint32_t kLargest = 768;
+    if (width > kLargest) {
+        return round_up(width, 128);
     }
-    return std::max(width, image);
+    uint32_t pixels = 24;
+    while (pixels < width) {
+        pixels *= 2;
+    }
+    return pixels;
 }
 
 /// What the layers share to check tensors and to tell kernels where they lie.

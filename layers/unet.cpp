@@ -130,15 +130,14 @@ UNet::UNet(Device& device, const SafeTensors& weights, uint32_t bins, uint32_t k
 }
 
 Tensor UNet::record(Program& program, const Tensor& blurry, const Tensor& histogram,
-                    const Tensor& keypoints, uint32_t row) const {
+                    const Tensor& keypoints) const {
     const DeviceInfo& info = program.device().info();
     const Layout& image = blurry.layout();
     // Cleared, since a convolution reads the zeros around its input. Level: halvings of the image.
     const auto tensor = [&](uint32_t channels, size_t level, uint32_t halo) {
         const uint32_t divisor = 1U << level;
-        const Layout layout =
-            conv_layout(info, family_, channels, ceil_div(image.height, divisor),
-                        ceil_div(image.width, divisor), halo, ceil_div(row, divisor));
+        const Layout layout = conv_layout(info, family_, channels, ceil_div(image.height, divisor),
+                                          ceil_div(image.width, divisor), halo);
         return halo > 0 ? program.cleared(layout) : program.temporary(layout);
     };
     std::vector<Tensor> levels; // from the first halving on

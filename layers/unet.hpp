@@ -25,19 +25,19 @@ public:
 
     /// Of record()'s histogram and keypoints; `row` as for conv_layout().
     [[nodiscard]] Layout input_layout(const DeviceInfo& info, uint32_t channels, uint32_t height,
-                                      uint32_t width, uint32_t row) const {
-        return conv_layout(info, family_, channels, height, width, kInputHalo, row);
+                                      uint32_t width) const {
+        return conv_layout(info, family_, channels, height, width, kInputHalo);
     }
     /// Of record()'s blurry frame, which other kernels read too.
-    [[nodiscard]] Layout blurry_layout(const DeviceInfo& info, uint32_t height, uint32_t width,
-                                       uint32_t row) const {
-        return image_layout(info, family_, 1, height, width, kInputHalo, row);
+    [[nodiscard]] Layout blurry_layout(const DeviceInfo& info, uint32_t height,
+                                       uint32_t width) const {
+        return image_layout(info, family_, 1, height, width, kInputHalo);
     }
 
     /// blurry: 1 channel, histogram: `bins`, keypoints: `keypoints`, their halos zeros.
     /// Returns the derivatives, `keypoints` channels, no halo.
     Tensor record(Program& program, const Tensor& blurry, const Tensor& histogram,
-                  const Tensor& keypoints, uint32_t row) const;
+                  const Tensor& keypoints) const;
 
 private:
     static constexpr uint32_t kInputHalo = 2;

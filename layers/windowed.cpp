@@ -47,13 +47,13 @@ std::shared_ptr<WindowedMethod::Instance> WindowedMethod::instance_for(const Pix
         return instances_.back();
     }
     const double most = kMostImages * width_ * height_;
-    double area = double{1} * window_row(rect.width(), width_) * rect.height();
+    double area = double{1} * row_pixels(rect.width()) * rect.height();
     for (const auto& instance : instances_) {
-        area += instance->area(width_);
+        area += instance->area();
     }
     for (auto oldest = instances_.begin(); oldest != instances_.end() && area > most;) {
         if ((*oldest)->begun == 0) {
-            area -= (*oldest)->area(width_);
+            area -= (*oldest)->area();
             oldest = instances_.erase(oldest);
         } else {
             ++oldest;

@@ -12,7 +12,7 @@ namespace ecir {
 /// Runs a method on windows of images of one size and puts the frames together. For each size of
 /// window there is one instance of the method, whose recorded program serves all windows of the
 /// size, of this frame and later ones; those not used for longest go when all together take more
-/// than one and a half images, counting rows as far apart as they can be (window_row()).
+/// than one and a half images, counting rows as far apart as they are (row_pixels()).
 class WindowedMethod {
 public:
     /// `method`: any size; others are made from it by resized().
@@ -38,9 +38,7 @@ private:
         uint32_t height;
         std::unique_ptr<Method> method;
         size_t begun = 0; ///< windows, not finished
-        [[nodiscard]] double area(uint32_t image) const {
-            return double{1} * window_row(width, image) * height;
-        }
+        [[nodiscard]] double area() const { return double{1} * row_pixels(width) * height; }
     };
     struct Part {
         std::shared_ptr<Instance> instance;

@@ -3,12 +3,8 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <type_traits>
 
 #include "layers/deblur.hpp"
-#include "layers/ecir.hpp"
-#include "layers/esl_net.hpp"
-#include "layers/fusion.hpp"
 #include "layers/operations.hpp"
 #include "tests/fixture.hpp"
 
@@ -298,31 +294,5 @@ TEST_SUITE("regions") {
                 }
             }
         }
-    }
-
-    TEST_CASE("a window whose rows are as far apart as the image's has an image's frames") {
-        const auto device = Device::open();
-        const auto compare = [&]<typename Made>(const char* name, std::type_identity<Made>) {
-            CAPTURE(name);
-            const ecir::test::Fixture fixture(name);
-            const auto input = [&] {
-                FrameInput made = fixture.input();
-                made.thresholds = EdiThresholds{0.2F, 0.2F};
-                return made;
-            }();
-            const auto make = [&](uint32_t width) {
-                if constexpr (std::is_same_v<Made, EcirMethod>) {
-                    return Made(device, fixture.file, fixture.height, width, {});
-                } else {
-                    return Made(device, fixture.file, fixture.height, width);
-                }
-            };
-            Made own = make(fixture.width);
-            const auto window = make(3 * fixture.width).resized(fixture.height, fixture.width);
-            CHECK(std::ranges::equal(window->frames(input), own.frames(input)));
-        };
-        compare("fusion-61x45", std::type_identity<FusionMethod>());
-        compare("ecir-paper-173x131", std::type_identity<EcirMethod>());
-        compare("esl-net-41x29", std::type_identity<EslNetMethod>());
     }
 }

@@ -120,12 +120,12 @@ StagedFrames StagedEcir::frames(const FrameInput& input, Border border) {
     Program network(device_);
     Inputs network_inputs{network, {}};
     const DeviceInfo& info = device_.info();
-    const Layout wide = unet_.input_layout(info, config_.bins, height, width, width);
-    const Layout points = unet_.input_layout(info, n, height, width, width);
-    const Tensor slopes = unet_.record(
-        network, network_inputs(unet_.blurry_layout(info, height, width, width), blurry),
-        network_inputs(wide, crossing(Border::histogram, fields.histogram)),
-        network_inputs(points, crossing(Border::network, fields.keypoints)), width);
+    const Layout wide = unet_.input_layout(info, config_.bins, height, width);
+    const Layout points = unet_.input_layout(info, n, height, width);
+    const Tensor slopes =
+        unet_.record(network, network_inputs(unet_.blurry_layout(info, height, width), blurry),
+                     network_inputs(wide, crossing(Border::histogram, fields.histogram)),
+                     network_inputs(points, crossing(Border::network, fields.keypoints)));
     const Tensor slopes_output = network.output(slopes.layout());
     const Tensor nothing =
         network_inputs(slopes.layout(), std::vector<float>(size_t{n} * height * width, 0.0F));
