@@ -26,8 +26,10 @@ struct Push {
 };
 static_assert(sizeof(Push) == 44);
 
-/// [1 4 6 4 1] / 16, about a Gaussian of one pixel.
-constexpr SmoothDesc kSmooth{.weights = {6.0F / 16, 4.0F / 16, 1.0F / 16}, .reach = 2};
+/// [1 6 1] / 8. The less it smooths, the nearer is the mean to the captured frame, whose noise
+/// comes along. Measured, against [1 4 6 4 1] / 16: +0.04 dB, -0.0006 SSIM (16 simulated scenes);
+/// on a real recording the mean is 0.8 instead of 1.5 grey levels off.
+constexpr SmoothDesc kSmooth{.weights = {6.0F / 8, 1.0F / 8}, .reach = 1};
 
 } // namespace
 

@@ -7,7 +7,7 @@ namespace ecir {
 /// Data consistency of an exposure's corrected frames: their mean over the exposure is the captured
 /// frame, which the prior's mean already is. So what the corrections of the prior add up to,
 ///     m(x) = sum over i of share_i (frame_i(x) - prior_i(x)),
-/// smoothed by about a pixel, comes off every frame again; the smoothing leaves the captured
+/// smoothed a little, comes off every frame again; the smoothing leaves a part of the captured
 /// frame's noise out. 0 where a frame or the captured one reaches consistency_limit, since the
 /// sensor clips after averaging. The shares (layers/instant.hpp) are 0 for times that do not cover
 /// the exposure, and frames are left as they are.

@@ -11,10 +11,10 @@
 namespace ecir::reference {
 namespace {
 
-/// [1 4 6 4 1] / 16 along one axis; beyond the border its values repeat.
+/// [1 6 1] / 8 along one axis; beyond the border its values repeat.
 std::vector<double> smooth(const std::vector<double>& from, int width, bool vertical) {
-    constexpr int kReach = 2;
-    constexpr std::array kWeights = {6, 4, 1}; // of the middle and at 1, 2 steps
+    constexpr int kReach = 1;
+    constexpr std::array kWeights = {6, 1}; // of the middle and beside it
     const int height = static_cast<int>(from.size()) / width;
     std::vector<double> to(from.size());
     for (int y = 0; y < height; ++y) {
@@ -23,7 +23,7 @@ std::vector<double> smooth(const std::vector<double>& from, int width, bool vert
             for (int k = -kReach; k <= kReach; ++k) {
                 const int row = std::clamp(y + (vertical ? k : 0), 0, height - 1);
                 const int column = std::clamp(x + (vertical ? 0 : k), 0, width - 1);
-                sum += kWeights.at(static_cast<size_t>(std::abs(k))) / 16.0 *
+                sum += kWeights.at(static_cast<size_t>(std::abs(k))) / 8.0 *
                        from[static_cast<size_t>(row) * static_cast<size_t>(width) +
                             static_cast<size_t>(column)];
             }
