@@ -6,12 +6,16 @@
 #include <sys/types.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <charconv>
+#include <chrono>
+#include <cstddef>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <string>
 #include <string_view>
+#include <thread>
 #include <vector>
 
 namespace ecir {
@@ -70,16 +74,22 @@ void pin_driver_threads() {
     }
     // The driver names its rasterizer's threads, one a processor: llvmpipe-0, ... Those for compute
     // it starts right after them, and they keep the name of the thread that opened the device: this
-    // one.
-    const auto count = static_cast<pid_t>(all.size());
-    const std::string name = thread_name(gettid());
-    for (const pid_t last : threads_named("llvmpipe-" + std::to_string(count - 1))) {
-        bool follow = true;
-        for (pid_t i = 1; i <= count; ++i) {
-            follow = follow && thread_name(last + i) == name;
-        }
-        for (pid_t i = 1; follow && i <= count; ++i) {
-            pin(last + i, all[static_cast<size_t>(i - 1)]);
+    // one. Each of the first names itself, on a busy machine only a while after it was started.
+    const std::string last_name = "llvmpipe-" + std::to_string(all.size() - 1);
+    constexpr int kTries = 50;
+    std::vector<pid_t> lasts = threads_named(last_name);
+    for (int i = 0; lasts.empty() && i < kTries; ++i) {
+        std::this_thread::sleep_for(std::chrono::milliseconds(1));
+        lasts = threads_named(last_name);
+    }
+    std::vector<pid_t> ours = threads_named(thread_name(gettid()));
+    std::ranges::sort(ours);
+    for (const pid_t last : lasts) {
+        const auto first = std::ranges::upper_bound(ours, last);
+        if (static_cast<size_t>(ours.end() - first) >= all.size()) {
+            for (size_t i = 0; i < all.size(); ++i) {
+                pin(first[static_cast<std::ptrdiff_t>(i)], all[i]);
+            }
         }
     }
 }
