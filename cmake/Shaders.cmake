@@ -1,3 +1,25 @@
+# ecir_known_shaders(RESULT SHADERS ...): those of the shaders that the GLSL compiler at hand knows the
+# extensions of; the others are named.
+function(ecir_known_shaders RESULT)
+  set(known)
+  foreach(shader IN LISTS ARGN)
+    execute_process(
+      COMMAND ${GLSLANG_VALIDATOR} --quiet -V --target-env vulkan1.1 -I${CMAKE_CURRENT_SOURCE_DIR}/shaders
+        -o ${CMAKE_CURRENT_BINARY_DIR}/probe.spv ${shader}
+      RESULT_VARIABLE failed OUTPUT_VARIABLE said ERROR_VARIABLE said)
+    if(failed)
+      string(REGEX MATCH "'#extension' : [^\n]*" why "${said}")
+      if(NOT why)
+        message(FATAL_ERROR "${said}")
+      endif()
+      message(STATUS "Left out: ${shader}, ${why}")
+    else()
+      list(APPEND known ${shader})
+    endif()
+  endforeach()
+  set(${RESULT} ${known} PARENT_SCOPE)
+endfunction()
+
 # ecir_embed_shaders(OUTPUT SHADERS ... INCLUDES ...): compiles each shader to SPIR-V and writes one C++
 # file with ecir::embedded_shader(name), the name being the file's without .comp.
 function(ecir_embed_shaders OUTPUT)
@@ -22,12 +44,12 @@ function(ecir_embed_shaders OUTPUT)
   foreach(header IN LISTS headers)
     string(APPEND source "#include \"${header}\"\n")
   endforeach()
-  string(APPEND source "\nnamespace ecir {\nstd::span<const uint32_t> embedded_shader(std::string_view name) {\n")
-  string(APPEND source "    static const std::map<std::string_view, std::span<const uint32_t>> shaders = {\n")
+  string(APPEND source "\nnamespace ecir {\nnamespace {\nconst std::map<std::string_view, std::span<const uint32_t>>& shaders() {\n")
+  string(APPEND source "    static const std::map<std::string_view, std::span<const uint32_t>> all = {\n")
   foreach(name IN LISTS names)
     string(APPEND source "        {\"${name}\", spirv_${name}},\n")
   endforeach()
-  string(APPEND source "    };\n    const auto found = shaders.find(name);\n    if (found == shaders.end()) {\n        throw Error(ExitCode::device, \"no shader '\" + std::string(name) + \"' is built in\");\n    }\n    return found->second;\n}\n} // namespace ecir\n")
+  string(APPEND source "    };\n    return all;\n}\n} // namespace\n\nbool is_embedded(std::string_view name) {\n    return shaders().contains(name);\n}\n\nstd::span<const uint32_t> embedded_shader(std::string_view name) {\n    const auto found = shaders().find(name);\n    if (found == shaders().end()) {\n        throw Error(ExitCode::device, \"no shader '\" + std::string(name) + \"' is built in\");\n    }\n    return found->second;\n}\n} // namespace ecir\n")
   file(GENERATE OUTPUT ${OUTPUT} CONTENT "${source}")
   set_source_files_properties(${OUTPUT} PROPERTIES OBJECT_DEPENDS "${headers}")
 endfunction()

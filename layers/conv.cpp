@@ -31,26 +31,6 @@ struct LanePush {
 };
 static_assert(sizeof(LanePush) == 88);
 
-struct TilePush {
-    uint32_t in_origin = 0;
-    uint32_t in_row = 0;
-    uint32_t in_plane = 0;
-    uint32_t out_origin = 0;
-    uint32_t out_row = 0;
-    uint32_t out_plane = 0;
-    uint32_t init_origin = 0;
-    uint32_t init_row = 0;
-    uint32_t init_plane = 0;
-    uint32_t channels = 0;
-    uint32_t width = 0;
-    uint32_t height = 0;
-    uint32_t has_init = 0;
-    float floor = 0;
-};
-static_assert(sizeof(TilePush) == 56);
-
-constexpr float kNoFloor = std::numeric_limits<float>::lowest();
-
 [[noreturn]] void fail(const std::string& what) {
     throw Error(ExitCode::device, "conv: " + what);
 }
@@ -69,30 +49,46 @@ uint32_t lane_pixels(uint32_t width) {
     return best;
 }
 
-constexpr uint32_t kTileColumns = 16; ///< of pixels, LX of shaders/conv_tile.glsl
-constexpr uint32_t kTileLines = 4;    ///< of invocations, LY there
+/// Of the most that convolutions of the networks take with K = 16, 24 KiB, and what is to spare.
+constexpr uint32_t kMatrixSharedBytes = 32768;
 
-/// Output rows of an invocation of the tile family. The more the fewer loads a multiply-add, but a
-/// large GPU wants some 256 workgroups before anything else.
-uint32_t tile_rows(uint32_t height, uint32_t width, uint32_t groups, uint32_t stride) {
-    constexpr uint32_t kEnough = 256;
-    for (uint32_t rows = stride == 1 ? 8 : 2; rows > 1; rows /= 2) {
-        if (ceil_div(width, kTileColumns) * ceil_div(height, kTileLines * rows) * groups >=
-            kEnough) {
-            return rows;
-        }
+/// Kernels that the environment asks for.
+std::string_view wanted() {
+    const char* value = std::getenv("ECIR_CONV");
+    return value != nullptr ? value : "";
+}
+
+std::string explain_float16(const DeviceInfo& info) {
+    if (!has_float16(info)) {
+        return "no, the device lacks it";
     }
-    return 1;
+    const Matrices& matrices = info.matrices;
+    if (matrices.form == Matrices::Form::none) {
+        return "yes, by conv_tile_half.comp: no cooperative matrices that this build knows";
+    }
+    const std::string shape = std::to_string(matrices.m) + "x" + std::to_string(matrices.n) + "x" +
+                              std::to_string(matrices.k) + " (" +
+                              std::string(form_name(matrices.form)) + ")";
+    if (!use_matrices(info, matrices.n)) {
+        return "yes, by conv_tile_half.comp: ECIR_CONV=tile, or too little shared memory for "
+               "cooperative matrices " +
+               shape;
+    }
+    return "yes, by cooperative matrices " + shape + " (shaders/conv_matrix.glsl) from " +
+           std::to_string(matrices.n) + " output channels on, below by conv_tile_half.comp";
 }
 
 } // namespace
 
 ConvFamily conv_family(const DeviceInfo& info) {
-    const char* wanted = std::getenv("ECIR_CONV");
-    const bool tile = wanted != nullptr && std::string_view(wanted) == "tile";
     const bool lane =
         info.is_cpu && info.buffer_address && info.max_uniform_range >= kConvUniformSlice;
-    return lane && !tile ? ConvFamily::lane : ConvFamily::tile;
+    return lane && wanted() != "tile" && wanted() != "matrix" ? ConvFamily::lane : ConvFamily::tile;
+}
+
+bool use_matrices(const DeviceInfo& info, uint32_t out_channels) {
+    return info.matrices.form != Matrices::Form::none && wanted() != "tile" &&
+           info.max_shared_bytes >= kMatrixSharedBytes && out_channels >= info.matrices.n;
 }
 
 void check_precision(const DeviceInfo& info, Precision precision) {
@@ -115,20 +111,17 @@ void check_precision(const DeviceInfo& info, Precision precision) {
 
 std::string explain_convolutions(const DeviceInfo& info) {
     const auto yes = [](bool value) { return value ? "yes" : "no"; };
-    const char* wanted = std::getenv("ECIR_CONV");
     std::string text = "CPU driver: " + std::string(yes(info.is_cpu)) +
                        "; buffer addresses: " + yes(info.buffer_address) +
                        "; uniform range: " + std::to_string(info.max_uniform_range) + " bytes of " +
-                       std::to_string(kConvUniformSlice) +
-                       " needed; ECIR_CONV: " + (wanted != nullptr ? wanted : "not set") + "\n";
+                       std::to_string(kConvUniformSlice) + " needed; ECIR_CONV: " +
+                       std::string(wanted().empty() ? "not set" : wanted()) + "\n";
     if (conv_family(info) == ConvFamily::tile) {
         text += "tile (shaders/conv_tile.comp) for all convolutions: input and weights of 4 "
                 "channels in shared memory, up to 8 pixels x 8 output channels an invocation; for "
                 "GPUs, and wherever the families for CPU drivers cannot run or ECIR_CONV=tile asks "
                 "for it\n";
-        return text +
-               "--precision float16: " + (has_float16(info) ? "yes" : "no, the device lacks it") +
-               "\n";
+        return text + "--precision float16: " + explain_float16(info) + "\n";
     }
     return text + "row (shaders/conv_row.comp, conv_row_up.comp), a lane a pixel, with " +
            std::to_string(kConvRowLanes) + " lanes (here " + std::to_string(info.subgroup_size) +
@@ -270,7 +263,8 @@ void Conv::record_lane(Program& program, std::span<const Tensor> inputs, const T
             push.out_row = static_cast<uint32_t>(out.row_stride() * step());
             push.out_plane = static_cast<uint32_t>(out.plane_stride());
             push.width = width;
-            push.floor = s + 1 == slices.size() && desc_.relu ? 0 : kNoFloor;
+            push.floor =
+                s + 1 == slices.size() && desc_.relu ? 0 : std::numeric_limits<float>::lowest();
             const Tensor& init = accumulate ? output : residual.value_or(output);
             if (from_tensor) {
                 const Layout& start = init.layout();
@@ -309,63 +303,6 @@ void Conv::record_lane(Program& program, std::span<const Tensor> inputs, const T
                 dispatch.label = "conv_lane";
                 program.add(std::move(dispatch));
             }
-        }
-    }
-}
-
-void Conv::record_tile(Program& program, std::span<const Tensor> inputs, const Tensor& output,
-                       const std::optional<Tensor>& residual) const {
-    const Layout& out = output.layout();
-    for (size_t p = 0; p < phases_.size(); ++p) {
-        const Phase& phase = phases_[p];
-        if (out.height <= phase.offset_y || out.width <= phase.offset_x) {
-            continue;
-        }
-        const uint32_t stride = desc_.transposed ? 1 : desc_.stride;
-        for (size_t i = 0; i < inputs.size(); ++i) {
-            const Layout& in = inputs[i].layout();
-            const bool accumulate = i > 0;
-            const Tensor& init = accumulate ? output : residual.value_or(output);
-            TilePush push;
-            push.in_row = static_cast<uint32_t>(in.row_stride());
-            push.in_plane = static_cast<uint32_t>(in.plane_stride());
-            push.in_origin =
-                PushLayout(inputs[i]).origin - phase.pad_y * push.in_row - phase.pad_x * in.block;
-            push.out_origin = corner(output, phase);
-            push.out_row = static_cast<uint32_t>(out.row_stride() * step());
-            push.out_plane = static_cast<uint32_t>(out.plane_stride());
-            push.init_origin = corner(init, phase);
-            push.init_row = static_cast<uint32_t>(init.layout().row_stride() * step());
-            push.init_plane = static_cast<uint32_t>(init.layout().plane_stride());
-            push.channels = in.channels;
-            push.width = ceil_div(out.width - phase.offset_x, step());
-            push.height = ceil_div(out.height - phase.offset_y, step());
-            push.has_init = accumulate || residual ? 1 : 0;
-            push.floor = i + 1 == inputs.size() && desc_.relu ? 0 : kNoFloor;
-            const uint32_t rows = desc_.tile_rows != 0
-                                      ? desc_.tile_rows
-                                      : tile_rows(push.height, push.width, groups(), stride);
-            const std::array<uint32_t, 6> constants{phase.kernel_h, phase.kernel_w, stride,
-                                                    in.block,       step(),         rows};
-            const uint64_t zeros = zeros_offset();
-            const char* shader = precision_ == Precision::float16 ? "conv_tile_half" : "conv_tile";
-            Dispatch dispatch;
-            dispatch.kernel = &device_.kernel(shader, constants, 6, sizeof(TilePush));
-            dispatch.arguments = {ecir::read(inputs[i]),
-                                  ecir::read(inputs[i]),
-                                  constant(weights_, tile_offsets_[p][i]),
-                                  constant(bias_, accumulate ? zeros : 0),
-                                  ecir::read(init),
-                                  update(output)};
-            dispatch.set_push(push);
-            dispatch.groups = {ceil_div(push.width, kTileColumns),
-                               ceil_div(push.height, kTileLines * rows), groups()};
-            const double outputs = double{1} * push.width * push.height * desc_.out_channels;
-            dispatch.flops = 2.0 * outputs * in.channels * static_cast<double>(phase.taps.size());
-            dispatch.bytes = 4.0 * (double{1} * in.height * in.width * in.channels +
-                                    (accumulate ? 2 : 1) * outputs);
-            dispatch.label = shader;
-            program.add(std::move(dispatch));
         }
     }
 }

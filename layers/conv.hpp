@@ -13,7 +13,8 @@ namespace ecir {
 enum class ConvFamily {
     lane, ///< shaders/conv_lane.comp, for drivers that run on a CPU; reads by device address
     row,  ///< shaders/conv_row.comp and conv_row_up.comp, for the same; tensors by rows
-    tile, ///< shaders/conv_tile.glsl, storage buffers only, for GPUs and everything else
+    tile, ///< shaders/conv_tile.glsl, storage buffers only, for GPUs and everything else; in
+          ///< float16 shaders/conv_matrix.glsl where use_matrices()
 };
 
 constexpr uint32_t kConvTileBlock = 8; ///< channel block of the tile family
@@ -21,9 +22,13 @@ constexpr uint64_t kConvUniformSlice =
     65536; ///< bytes of weights that a lane-family dispatch can see
 
 /// The family for a device: lane on a CPU driver that has device addresses, else tile.
-/// ECIR_CONV=tile in the environment gives tile everywhere, to check on a CPU driver what a GPU
-/// would run.
+/// ECIR_CONV=tile or =matrix in the environment gives tile everywhere, to check on a CPU driver
+/// what a GPU would run.
 ConvFamily conv_family(const DeviceInfo& info);
+
+/// Whether float16 convolutions with so many output channels go through cooperative matrices: where
+/// the device has them, for at least a matrix's columns of channels; with ECIR_CONV=tile none do.
+bool use_matrices(const DeviceInfo& info, uint32_t out_channels);
 
 /// Throws Error(usage) where a device's convolutions do not know a precision: float16 is of the
 /// tile family, on devices that has_float16().
@@ -71,6 +76,8 @@ struct ConvDesc {
     /// Output rows that an invocation of the tile family computes: 8, 4, 2 or 1, with stride 2 at
     /// most 2; 0: by the output's size.
     uint32_t tile_rows = 0;
+    /// Of float16: through cooperative matrices or not; unset: use_matrices().
+    std::optional<bool> matrices = {};
 };
 
 /// Input channels of a convolution in the order of one input tensor: for each channel of the tensor
@@ -155,6 +162,8 @@ private:
                kBindingAlignment;
     }
     [[nodiscard]] uint32_t step() const { return desc_.transposed ? 2 : 1; }
+    /// Of the matrices' kernel: matrices of output channels that a subgroup computes.
+    [[nodiscard]] uint32_t matrices_across() const;
 
     Device& device_;
     ConvDesc desc_;
@@ -163,6 +172,7 @@ private:
     ConvFamily family_;
     uint32_t block_;
     Precision precision_;
+    bool matrices_ = false; ///< tile: by shaders/conv_matrix.glsl
     std::vector<Phase> phases_;
     std::vector<std::vector<Slice>> slices_;          ///< lane: by phase
     std::vector<RowSlice> row_slices_;                ///< row

@@ -57,6 +57,8 @@ Conv::Conv(Device& device, const ConvDesc& desc, const std::vector<ChannelMap>& 
         (family_ != ConvFamily::tile || !has_float16(device.info()))) {
         check_precision(device.info(), precision_);
     }
+    matrices_ = precision_ == Precision::float16 &&
+                desc.matrices.value_or(use_matrices(device.info(), desc.out_channels));
     if (family_ == ConvFamily::row) {
         if (desc.out_channels % kConvRowGroup != 0) {
             fail("the row family does not take " + std::to_string(desc.out_channels) +
@@ -197,6 +199,11 @@ void Conv::pack_lane(std::span<const float> weight) {
 }
 
 void Conv::pack_tile(std::span<const float> weight) {
+    // [O/across][I/deep][taps][deep][across]: conv_tile.glsl takes channels one by one.
+    const uint32_t across = matrices_ ? device_.info().matrices.n : block_;
+    const uint32_t deep = matrices_ ? device_.info().matrices.k : 1;
+    const uint32_t outs =
+        round_up(desc_.out_channels, matrices_ ? across * matrices_across() : across);
     const size_t bytes = precision_ == Precision::float16 ? sizeof(Eigen::half) : sizeof(float);
     std::vector<float> all;
     for (const Phase& phase : phases_) {
@@ -204,15 +211,15 @@ void Conv::pack_tile(std::span<const float> weight) {
         std::vector<uint64_t> offsets;
         for (const ChannelMap& map : inputs_) {
             const auto channels = static_cast<uint32_t>(map.size());
-            const uint32_t padded = round_up(channels, kConvTileBlock);
-            std::vector<float> part(size_t{groups()} * padded * taps * block_);
-            for (uint32_t out = 0; out < groups() * block_; ++out) {
+            const uint32_t padded = round_up(channels, std::max(deep, kConvTileBlock));
+            std::vector<float> part(size_t{outs} * padded * taps);
+            for (uint32_t out = 0; out < desc_.out_channels; ++out) {
                 for (uint32_t in = 0; in < channels; ++in) {
                     for (uint32_t t = 0; t < taps; ++t) {
-                        const size_t at =
-                            ((size_t{out / block_} * padded + in) * taps + t) * block_ +
-                            out % block_;
-                        part[at] = weight_at(weight, out, map[in], phase.taps[t]);
+                        const size_t slice = size_t{out / across} * (padded / deep) + in / deep;
+                        const size_t row = (slice * taps + t) * deep + in % deep;
+                        part[row * across + out % across] =
+                            weight_at(weight, out, map[in], phase.taps[t]);
                     }
                 }
             }

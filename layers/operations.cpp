@@ -28,7 +28,9 @@ constexpr std::array kOperations = {
     Operation{"conv_row", 1e-5, "float32 sums of up to 2000 products", 17, conv_row_trial, 59},
     Operation{"conv_tile", 1e-5, "float32 sums of up to 2000 products", 34, conv_tile_trial, 3},
     Operation{"conv_tile_half", 2e-3, "float16 factors, float16 sums of up to 20 products", 34,
-              conv_tile_half_trial, 3, true},
+              conv_tile_half_trial, 3, Operation::Needs::float16},
+    Operation{"conv_matrix", 2e-3, "float16 factors, float32 sums of up to 2000 products", 34,
+              conv_matrix_trial, 3, Operation::Needs::matrices},
     Operation{"conv_plane", 1e-5, "float32 sums of up to 400 products", 8, conv_plane_trial},
     Operation{"conv_pair", 1e-5, "float32 sums of up to 700 products", 8, conv_pair_trial, 5},
     Operation{"event_histogram", 0, "counts are whole numbers", 10, event_histogram_trial, 2},
@@ -63,7 +65,10 @@ std::span<const Operation> operations() {
 }
 
 bool runs_on(const Operation& operation, const DeviceInfo& info) {
-    return !operation.float16 || has_float16(info);
+    return operation.needs == Operation::Needs::nothing ||
+           (operation.needs == Operation::Needs::float16 && has_float16(info)) ||
+           (operation.needs == Operation::Needs::matrices &&
+            info.matrices.form != Matrices::Form::none);
 }
 
 TrialResult run_trial(const Operation& operation, Device& device, uint32_t index) {

@@ -31,7 +31,9 @@ struct Operation {
     /// How many cases follow them that have the shapes of the networks at 240x180 with 14 frames,
     /// for `bench`: trial `trials`, `trials` + 1, ...
     uint32_t network_trials = 0;
-    bool float16 = false; ///< only for devices with 16-bit storage and arithmetic
+    /// What a device must have for it, beside what everything needs.
+    enum class Needs { nothing, float16, matrices };
+    Needs needs = Needs::nothing;
 };
 
 /// All operations. Adding one adds a line here.

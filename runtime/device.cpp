@@ -59,7 +59,7 @@ uint32_t compute_family(VkPhysicalDevice physical) {
     return UINT32_MAX;
 }
 
-DeviceInfo describe(VkPhysicalDevice physical, uint32_t index) {
+DeviceInfo describe(VkInstance instance, VkPhysicalDevice physical, uint32_t index) {
     VkPhysicalDeviceProperties basic{};
     vkGetPhysicalDeviceProperties(physical, &basic);
     const bool has12 = basic.apiVersion >= VK_API_VERSION_1_2;
@@ -103,12 +103,16 @@ DeviceInfo describe(VkPhysicalDevice physical, uint32_t index) {
                           features12.scalarBlockLayout == VK_TRUE;
     info.storage16 = storage16.storageBuffer16BitAccess == VK_TRUE;
     info.float16 = has12 && features12.shaderFloat16 == VK_TRUE;
+    if (has_float16(info)) {
+        info.matrices = find_matrices(instance, physical);
+    }
     info.timestamp_ns = static_cast<double>(basic.limits.timestampPeriod);
     const uint32_t family = compute_family(physical);
     info.timestamps =
         family != UINT32_MAX && queue_families(physical)[family].timestampValidBits > 0;
     info.max_storage_range = basic.limits.maxStorageBufferRange;
     info.max_uniform_range = basic.limits.maxUniformBufferRange;
+    info.max_shared_bytes = basic.limits.maxComputeSharedMemorySize;
     info.max_push_bytes = basic.limits.maxPushConstantsSize;
     std::ranges::copy(basic.limits.maxComputeWorkGroupCount, info.max_groups.begin());
     info.max_allocation = maintenance.maxMemoryAllocationSize;
@@ -126,7 +130,8 @@ DeviceInfo describe(VkPhysicalDevice physical, uint32_t index) {
 std::vector<DeviceInfo> describe_all(const Instance& instance) {
     std::vector<DeviceInfo> devices;
     for (const VkPhysicalDevice physical : instance.physical_devices()) {
-        devices.push_back(describe(physical, static_cast<uint32_t>(devices.size())));
+        devices.push_back(
+            describe(instance.handle(), physical, static_cast<uint32_t>(devices.size())));
     }
     if (devices.empty()) {
         throw Error(ExitCode::device,
@@ -210,9 +215,14 @@ Device::Device(std::shared_ptr<Instance> instance, VkPhysicalDevice physical, De
     features12.bufferDeviceAddress = address;
     features12.scalarBlockLayout = address;
     features12.shaderFloat16 = half;
+    const MatrixFeatures matrices(info_.matrices.form);
+    features12.vulkanMemoryModel = matrices.memory_model();
+    storage16.pNext = matrices.chain();
     VkPhysicalDeviceFeatures features{};
     features.shaderInt64 = address;
     VkDeviceCreateInfo create{};
+    create.enabledExtensionCount = static_cast<uint32_t>(matrices.extensions().size());
+    create.ppEnabledExtensionNames = matrices.extensions().data();
     create.sType = VK_STRUCTURE_TYPE_DEVICE_CREATE_INFO;
     create.queueCreateInfoCount = 1;
     create.pQueueCreateInfos = &queue;
@@ -220,9 +230,10 @@ Device::Device(std::shared_ptr<Instance> instance, VkPhysicalDevice physical, De
         create.pNext = &features12;
         create.pEnabledFeatures = &features;
     }
+    const DriverThreads threads;
     vk_check(vkCreateDevice(physical_, &create, nullptr, &device_), "vkCreateDevice");
     if (info_.is_cpu) {
-        pin_driver_threads();
+        threads.pin();
     }
     vkGetDeviceQueue(device_, queue_family_, 0, &queue_);
 

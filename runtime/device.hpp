@@ -9,6 +9,7 @@
 
 #include "runtime/buffer.hpp"
 #include "runtime/instance.hpp"
+#include "runtime/matrices.hpp"
 #include "runtime/vk.hpp"
 
 namespace ecir {
@@ -31,11 +32,13 @@ struct DeviceInfo {
     bool buffer_address = false; ///< bufferDeviceAddress and shaderInt64
     bool storage16 = false;      ///< 16-bit values in storage buffers
     bool float16 = false;        ///< float16 arithmetic
+    Matrices matrices;           ///< cooperative ones
     bool timestamps = false;
     double timestamp_ns = 1; ///< nanoseconds a timestamp tick
     uint64_t max_storage_range = 0;
     uint64_t max_uniform_range = 0;
     uint32_t max_push_bytes = 0;
+    uint32_t max_shared_bytes = 0;        ///< shared memory of a workgroup
     std::array<uint32_t, 3> max_groups{}; ///< workgroups of a dispatch along x, y and z
     uint64_t max_allocation = 0;
     uint64_t heap_bytes = 0; ///< of the heap that device buffers come from

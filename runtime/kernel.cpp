@@ -25,6 +25,32 @@ void spvc_check(spvc_result result, std::string_view name, const char* call) {
     }
 }
 
+/// The module with vectors for the types of cooperative matrices, which Debian 12's SPIRV-Cross
+/// does not know: no binding or push constant has such a type.
+std::vector<uint32_t> without_matrices(std::span<const uint32_t> spirv) {
+    constexpr uint32_t kHeaderWords = 5;
+    constexpr uint32_t kTypeVector = 23;
+    constexpr uint32_t kTypeMatrixNv = 5358;
+    constexpr uint32_t kTypeMatrixKhr = 4456;
+    constexpr uint32_t kNop = 1U << 16;
+    std::vector<uint32_t> words(spirv.begin(), spirv.end());
+    for (size_t at = kHeaderWords; at < words.size();) {
+        const uint32_t code = words[at] & 0xFFFFU;
+        const uint32_t count = words[at] >> 16;
+        if (count == 0) {
+            break; // not SPIR-V, which the parser says
+        }
+        if ((code == kTypeMatrixNv || code == kTypeMatrixKhr) && at + count <= words.size()) {
+            words[at] = 4U << 16 | kTypeVector; // its id and component type are the same operands
+            words[at + 3] = 2;
+            std::fill(words.begin() + static_cast<std::ptrdiff_t>(at) + 4,
+                      words.begin() + static_cast<std::ptrdiff_t>(at + count), kNop);
+        }
+        at += count;
+    }
+    return words;
+}
+
 Handle<VkPipeline> make_pipeline(VkDevice vk, VkPipelineLayout layout,
                                  std::span<const uint32_t> spirv,
                                  std::span<const uint32_t> constants, VkPipelineCache cache) {
@@ -64,7 +90,8 @@ Reflection reflect(std::string_view name, std::span<const uint32_t> spirv) {
     const std::unique_ptr<spvc_context_s, void (*)(spvc_context)> context(context_raw,
                                                                           spvc_context_destroy);
     spvc_parsed_ir ir = nullptr;
-    spvc_check(spvc_context_parse_spirv(context.get(), spirv.data(), spirv.size(), &ir), name,
+    const std::vector<uint32_t> words = without_matrices(spirv);
+    spvc_check(spvc_context_parse_spirv(context.get(), words.data(), words.size(), &ir), name,
                "spvc_context_parse_spirv");
     spvc_compiler compiler = nullptr;
     spvc_check(spvc_context_create_compiler(context.get(), SPVC_BACKEND_NONE, ir,

@@ -1,5 +1,6 @@
 #pragma once
 #include <array>
+#include <atomic>
 #include <cstdint>
 #include <functional>
 #include <map>
@@ -34,6 +35,9 @@ Reflection reflect(std::string_view name, std::span<const uint32_t> spirv);
 
 /// SPIR-V of a shader built into the library; throws Error(device) for an unknown name.
 std::span<const uint32_t> embedded_shader(std::string_view name);
+/// Whether it is built in: those in shaders/optional/ only where the GLSL compiler knew their
+/// extensions.
+bool is_embedded(std::string_view name);
 
 /// A compute pipeline made from one shader and its specialization constants, compiled meanwhile on
 /// another thread.
@@ -45,8 +49,10 @@ public:
     [[nodiscard]] const std::string& name() const { return name_; }
     [[nodiscard]] const std::vector<uint32_t>& constants() const { return constants_; }
     [[nodiscard]] const Reflection& reflection() const { return reflection_; }
-    /// Whether no earlier run made it on this device: a CPU driver compiles when it first runs.
+    /// Whether no earlier run made it on this device, and nobody compiles it ahead: a CPU driver
+    /// compiles when it first runs.
     [[nodiscard]] bool fresh() const { return fresh_; }
+    void compiles_ahead() const { fresh_ = false; }
     /// Waits for the driver's compiler; throws Error(device) or Error(resources) where that failed.
     [[nodiscard]] VkPipeline pipeline() const { return pipeline_.get().get(); }
     [[nodiscard]] VkPipelineLayout layout() const { return layout_.get(); }
@@ -55,7 +61,7 @@ public:
 private:
     std::string name_;
     std::vector<uint32_t> constants_;
-    bool fresh_;
+    mutable std::atomic<bool> fresh_;
     Reflection reflection_;
     Handle<VkDescriptorSetLayout> set_layout_;
     Handle<VkPipelineLayout> layout_;

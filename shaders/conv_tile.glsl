@@ -60,6 +60,7 @@ layout(push_constant) uniform Push {
     uint height;
     uint has_init;
     float floor_;
+    uint out_blocks; // of 8 channels; z has as many workgroups here
 };
 
 shared VALUE4 tile[ROWS * COLUMNS];

@@ -20,7 +20,7 @@ DeviceInfo default_device() {
 /// What a GPU would run, on any device.
 Surroundings gpu_kernels() {
     Surroundings around;
-    around.environment = {{"ECIR_CONV", "tile"}};
+    around.environment = {{"ECIR_CONV", "matrix"}};
     return around;
 }
 

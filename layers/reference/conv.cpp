@@ -89,7 +89,8 @@ std::string describe(const ConvCase& c) {
 }
 
 Trial make_trial(Device& device, const ConvCase& c, CaseRandom random, ConvFamily family,
-                 Precision precision = Precision::float32, uint32_t tile_rows = 0) {
+                 Precision precision = Precision::float32, uint32_t tile_rows = 0,
+                 bool matrices = false) {
     Trial trial;
     trial.shape = describe(c);
     trial.program = std::make_unique<Program>(device);
@@ -149,7 +150,8 @@ Trial make_trial(Device& device, const ConvCase& c, CaseRandom random, ConvFamil
                         .transposed = c.transposed,
                         .relu = c.relu,
                         .precision = precision,
-                        .tile_rows = tile_rows};
+                        .tile_rows = tile_rows,
+                        .matrices = matrices};
     const Conv layer(device, desc, maps, weight, bias, family);
     layer.record(program, tensors, trial.output, residual);
     program.finish();
@@ -174,14 +176,14 @@ Trial make_trial(Device& device, const ConvCase& c, CaseRandom random, ConvFamil
     return trial;
 }
 
-Trial make_tile_trial(Device& device, uint32_t trial, Precision precision) {
+Trial make_tile_trial(Device& device, uint32_t trial, Precision precision, bool matrices = false) {
     const auto small = static_cast<uint32_t>(small_convs().size());
     if (trial >= 2 * small) {
         // Of the networks' a few: where this is the device's family, `conv_row` has
         // all.
         constexpr std::array<size_t, 3> kChosen = {2, 9, 11};
         return make_trial(device, network_convs().at(kChosen.at(trial - 2 * small)),
-                          CaseRandom(trial), ConvFamily::tile, precision);
+                          CaseRandom(trial), ConvFamily::tile, precision, 0, matrices);
     }
     // Every case with two numbers of rows an invocation, which large images would choose.
     const ConvCase& conv = small_convs()[trial % small];
@@ -189,7 +191,7 @@ Trial make_tile_trial(Device& device, uint32_t trial, Precision precision) {
     const uint32_t turn = trial % small + trial / small;
     const bool strided = conv.stride == 2 && !conv.transposed;
     return make_trial(device, conv, CaseRandom(trial), ConvFamily::tile, precision,
-                      strided ? 1 + turn % 2 : kRows.at(turn % kRows.size()));
+                      strided ? 1 + turn % 2 : kRows.at(turn % kRows.size()), matrices);
 }
 
 } // namespace
@@ -205,6 +207,10 @@ Trial conv_tile_trial(Device& device, uint32_t trial) {
 
 Trial conv_tile_half_trial(Device& device, uint32_t trial) {
     return make_tile_trial(device, trial, Precision::float16);
+}
+
+Trial conv_matrix_trial(Device& device, uint32_t trial) {
+    return make_tile_trial(device, trial, Precision::float16, true);
 }
 
 Trial conv_row_trial(Device& device, uint32_t trial) {

@@ -27,8 +27,9 @@ namespace ecir {
 /// Cases of layers/conv.hpp with the device's own family of kernels, and with the other one.
 Trial conv_trial(Device& device, uint32_t trial);
 Trial conv_tile_trial(Device& device, uint32_t trial);
-/// The other one in float16.
+/// The other one in float16, and by cooperative matrices.
 Trial conv_tile_half_trial(Device& device, uint32_t trial);
+Trial conv_matrix_trial(Device& device, uint32_t trial);
 /// Cases of the row family where the device has it.
 Trial conv_row_trial(Device& device, uint32_t trial);
 /// Convolutions with one output channel (layers/conv_plane.hpp).

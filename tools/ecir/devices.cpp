@@ -13,6 +13,16 @@ const char* reason(const DeviceInfo& device) {
                          : "default: the first of the fastest kind of device";
 }
 
+/// For example "16x16x16 (khr)".
+std::string matrices(const DeviceInfo& device) {
+    const Matrices& shape = device.matrices;
+    if (shape.form == Matrices::Form::none) {
+        return "none";
+    }
+    return std::to_string(shape.m) + "x" + std::to_string(shape.n) + "x" + std::to_string(shape.k) +
+           " (" + std::string(form_name(shape.form)) + ")";
+}
+
 void run(bool as_json) {
     const auto devices = Device::list();
     if (as_json) {
@@ -27,6 +37,7 @@ void run(bool as_json) {
                             {"buffer_address", device.buffer_address},
                             {"storage16", device.storage16},
                             {"float16", device.float16},
+                            {"matrices", matrices(device)},
                             {"timestamps", device.timestamps},
                             {"memory_bytes", device.heap_bytes},
                             {"max_storage_range", device.max_storage_range}});
@@ -37,10 +48,11 @@ void run(bool as_json) {
     for (const DeviceInfo& device : devices) {
         std::printf("%u  %s (%s), %s\n", device.index, device.name.c_str(), device.type.c_str(),
                     device.driver.c_str());
-        std::printf("   %.1f GiB, subgroups of %u, 16-bit storage %s, float16 %s, timestamps %s\n",
+        std::printf("   %.1f GiB, subgroups of %u, 16-bit storage %s, float16 %s, cooperative "
+                    "matrices %s, timestamps %s\n",
                     static_cast<double>(device.heap_bytes) / (1U << 30), device.subgroup_size,
                     device.storage16 ? "yes" : "no", device.float16 ? "yes" : "no",
-                    device.timestamps ? "yes" : "no");
+                    matrices(device).c_str(), device.timestamps ? "yes" : "no");
         if (device.is_default) {
             std::printf("   %s\n", reason(device));
         }
