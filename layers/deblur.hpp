@@ -136,6 +136,7 @@ private:
         bool local = true;           ///< what happens far away does not matter
         bool pixel_by_pixel = false; ///< and what happens beside a pixel neither
         bool has_thresholds = false;
+        bool follows_motion = false;      ///< the rule's context grows with the travel
         bool ignores_busy_pixels = false; ///< as prior_busy_events says
         TravelRange travel{};
     };
@@ -149,8 +150,8 @@ private:
     Member& member(size_t index);
     [[nodiscard]] size_t choose_member(const EventView& events, double active_share) const;
     /// Regions to compute, and the share of the image that moved.
-    Regions find_work(const Model& model, const EventView& events, const Exposure& exposure,
-                      double& active_share) const;
+    Regions find_work(const Model& model, std::span<const float> blurry, const EventView& events,
+                      const Exposure& exposure, double& active_share) const;
 
     std::shared_ptr<Device> device_;
     DeblurOptions options_;

@@ -46,7 +46,7 @@ std::shared_ptr<WindowedMethod::Instance> WindowedMethod::instance_for(const Pix
         std::rotate(known, known + 1, instances_.end());
         return instances_.back();
     }
-    const double most = kMostImages * width_ * height_;
+    const double most = kMostImages * row_pixels(width_) * height_;
     double area = double{1} * row_pixels(rect.width()) * rect.height();
     for (const auto& instance : instances_) {
         area += instance->area();

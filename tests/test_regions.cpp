@@ -230,6 +230,25 @@ TEST_SUITE("regions") {
         }
     }
 
+    TEST_CASE("fusion does so where things move far, whose pixels come from far away") {
+        const auto device = Device::open();
+        const Scene scene(592, 336, 72, 130, 130, 60);
+        DeblurOptions options;
+        options.model = "fusion-small";
+        options.thresholds = EdiThresholds{0.2F, 0.2F};
+        const std::vector<double> times{-1.0, 0.4, 1.0};
+        Deblur part(device, options, scene.width, scene.height);
+        const auto frames = part.frames(scene.blurry, scene.events.view(), kExposure, times);
+        REQUIRE(part.windows().size() == 1);
+        CHECK(part.windows()[0].area() < scene.blurry.size());
+        options.regions = false;
+        Deblur all(device, options, scene.width, scene.height);
+        const auto whole = all.frames(scene.blurry, scene.events.view(), kExposure, times);
+        const double difference = 255 * largest_difference(frames, whole);
+        MESSAGE("largest difference ", difference, " grey levels");
+        CHECK(difference < 0.1);
+    }
+
     TEST_CASE("noise alone leaves the blurry frame as it is") {
         const Scene scene(128, 96, 0, 0, 0, 0);
         const Events events = noise(128, 96, 0.05, 9);
