@@ -25,7 +25,7 @@ public:
 
     /// The fastest family for images up to this size.
     static ConvFamily family(const DeviceInfo& info, uint32_t height, uint32_t width);
-    /// Of record()'s blurry frame and histogram; `row` as for conv_layout().
+    /// Of record()'s blurry frame and histogram.
     [[nodiscard]] Layout blurry_layout(const DeviceInfo& info, uint32_t height,
                                        uint32_t width) const {
         return image_layout(info, family_, 1, height, width);

@@ -30,7 +30,7 @@ public:
     FusionTrunk(Device& device, const SafeTensors& weights, const FusionWidths& widths);
 
     /// Layouts of record_prior()'s anchors and context, and of record_motion()'s channels, whose
-    /// halos are zeros; `row` as for conv_layout(), here and below.
+    /// halos are zeros.
     [[nodiscard]] Layout exposure_layout(const DeviceInfo& info, uint32_t height,
                                          uint32_t width) const;
     [[nodiscard]] Layout velocity_layout(const DeviceInfo& info, uint32_t height,

@@ -23,7 +23,7 @@ public:
     static ConvFamily family(const DeviceInfo& info, const SafeTensors& weights, uint32_t bins,
                              uint32_t height, uint32_t width);
 
-    /// Of record()'s histogram and keypoints; `row` as for conv_layout().
+    /// Of record()'s histogram and keypoints.
     [[nodiscard]] Layout input_layout(const DeviceInfo& info, uint32_t channels, uint32_t height,
                                       uint32_t width) const {
         return conv_layout(info, family_, channels, height, width, kInputHalo);

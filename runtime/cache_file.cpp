@@ -1,10 +1,14 @@
 #include "runtime/cache_file.hpp"
 
+#include <unistd.h>
+
 #include <algorithm>
+#include <atomic>
 #include <cctype>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <string>
 
 #include "runtime/device.hpp"
 
@@ -32,12 +36,17 @@ std::string cache_file(const DeviceInfo& info, std::string_view ending) {
 void write_cache(const std::string& file, std::span<const char> data) {
     std::error_code ignored;
     std::filesystem::create_directories(std::filesystem::path(file).parent_path(), ignored);
-    const std::string partial = file + ".partial";
+    // Another process, or a twin of the device, may be writing the same file.
+    static std::atomic<unsigned> written = 0;
+    const std::string partial =
+        file + "." + std::to_string(getpid()) + "-" + std::to_string(written++) + ".partial";
     if (std::ofstream out{partial, std::ios::binary}) {
         out.write(data.data(), static_cast<std::streamsize>(data.size()));
         out.close();
         if (out) {
             std::filesystem::rename(partial, file, ignored);
+        } else {
+            std::filesystem::remove(partial, ignored);
         }
     }
 }

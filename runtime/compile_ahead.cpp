@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <exception>
 #include <string>
+#include <system_error>
 #include <utility>
 
 #include "runtime/device.hpp"
@@ -44,8 +45,9 @@ CompileAhead::CompileAhead(const Device& device, const std::vector<const Kernel*
         sources.push_back({kernel->name(), kernel->constants(),
                            static_cast<uint32_t>(found.bindings.size()), found.push_bytes});
     }
-    thread_ = std::thread([this, twin = device.twin(), sources = std::move(sources)]() mutable {
+    const auto compile = [this, &device, sources = std::move(sources)]() mutable {
         try {
+            const auto twin = device.twin();
             const auto any = upload<float>(*twin, std::array{0.0F});
             for (; !sources.empty() && !ends_; sources.pop_back()) {
                 dispatch_nothing(*twin, sources.back(), any);
@@ -53,11 +55,18 @@ CompileAhead::CompileAhead(const Device& device, const std::vector<const Kernel*
         } catch (const std::exception&) {
             // The device itself compiles what is left, and says what is wrong.
         }
-    });
+    };
+    try {
+        thread_ = std::thread(compile);
+    } catch (const std::system_error&) {
+        // No thread is to be had: the device compiles alone.
+    }
 }
 
 CompileAhead::~CompileAhead() {
-    thread_.join();
+    if (thread_.joinable()) {
+        thread_.join();
+    }
 }
 
 } // namespace ecir

@@ -17,7 +17,8 @@ class Kernel;
 /// of 24.4 s on two cores. Only saves time: errors are swallowed.
 class CompileAhead {
 public:
-    /// Begins; `kernels`, of `device`, in the order in which it will dispatch them.
+    /// Begins; `kernels`, of `device`, in the order in which it will dispatch them. The device must
+    /// outlive this.
     CompileAhead(const Device& device, const std::vector<const Kernel*>& kernels);
     /// Waits for all kernels, after end() for the one at hand.
     ~CompileAhead();

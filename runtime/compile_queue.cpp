@@ -1,6 +1,7 @@
 #include "runtime/compile_queue.hpp"
 
 #include <algorithm>
+#include <system_error>
 #include <utility>
 
 namespace ecir {
@@ -26,8 +27,19 @@ CompileQueue::Pipeline CompileQueue::add(std::function<Handle<VkPipeline>()> mak
         tasks_.push_back(std::move(task));
         const size_t processors = std::max(1U, std::thread::hardware_concurrency());
         if (threads_.size() < std::min(processors, kMostThreads)) {
-            threads_.emplace_back([this] { work(); });
+            try {
+                threads_.emplace_back([this] { work(); });
+            } catch (const std::system_error&) {
+                // No further thread is to be had: those that are there do it, or the caller.
+                if (threads_.empty()) {
+                    task = std::move(tasks_.back());
+                    tasks_.pop_back();
+                }
+            }
         }
+    }
+    if (task.valid()) {
+        task();
     }
     changed_.notify_one();
     return pipeline;

@@ -3,7 +3,6 @@
 #if defined(__linux__)
 
 #include <sched.h>
-#include <sys/types.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -13,10 +12,12 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <iterator>
 #include <string>
 #include <string_view>
 #include <thread>
-#include <vector>
+#include <tuple>
+#include <utility>
 
 namespace ecir {
 namespace {
@@ -43,53 +44,80 @@ std::vector<int> processors() {
     return found;
 }
 
-std::vector<pid_t> threads_named(const std::string& name) {
+std::vector<pid_t> threads() {
     std::vector<pid_t> found;
     std::error_code ignored;
     for (const auto& entry : std::filesystem::directory_iterator(kTasks, ignored)) {
         const std::string text = entry.path().filename().string();
         pid_t thread = 0;
         const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), thread);
-        if (error == std::errc{} && thread_name(thread) == name) {
+        if (error == std::errc{}) {
             found.push_back(thread);
         }
     }
+    std::ranges::sort(found);
     return found;
 }
 
-void pin(pid_t thread, int processor) {
+void pin_to(pid_t thread, int processor) {
     cpu_set_t set;
     CPU_ZERO(&set);
     CPU_SET(processor, &set);
     sched_setaffinity(thread, sizeof(set), &set);
 }
 
+/// The number in the name of one of lavapipe's rasterizer's threads, else -1.
+int rasterizer_index(const std::string& name) {
+    constexpr std::string_view kPrefix = "llvmpipe-";
+    int index = -1;
+    if (name.starts_with(kPrefix)) {
+        std::from_chars(name.data() + kPrefix.size(), name.data() + name.size(), index);
+    }
+    return index;
+}
+
+/// Of the threads, the one with the highest rasterizer_index(), and that; {0, -1} where none has
+/// one.
+std::pair<pid_t, int> last_rasterizer(const std::vector<pid_t>& among) {
+    std::pair<pid_t, int> last{0, -1};
+    for (const pid_t thread : among) {
+        const int index = rasterizer_index(thread_name(thread));
+        if (index > last.second) {
+            last = {thread, index};
+        }
+    }
+    return last;
+}
+
 } // namespace
 
-void pin_driver_threads() {
+DriverThreads::DriverThreads() : before_(threads()) {}
+
+void DriverThreads::pin() const {
     const char* wanted = std::getenv("ECIR_PIN");
     const std::vector<int> all = processors();
     if ((wanted != nullptr && std::string_view(wanted) == "0") || all.size() < 2) {
         return;
     }
+    std::vector<pid_t> started;
+    std::ranges::set_difference(threads(), before_, std::back_inserter(started));
     // The driver names its rasterizer's threads, one a processor: llvmpipe-0, ... Those for compute
     // it starts right after them, and they keep the name of the thread that opened the device: this
     // one. Each of the first names itself, on a busy machine only a while after it was started.
-    const std::string last_name = "llvmpipe-" + std::to_string(all.size() - 1);
+    // A second device of the same driver starts none of them.
     constexpr int kTries = 50;
-    std::vector<pid_t> lasts = threads_named(last_name);
-    for (int i = 0; lasts.empty() && i < kTries; ++i) {
+    constexpr std::ptrdiff_t kMostRasterizers = 16; // of Mesa 22.3
+    const bool expected = std::ssize(started) > std::min(std::ssize(all), kMostRasterizers);
+    auto [last, index] = last_rasterizer(started);
+    for (int i = 0; i < kTries && expected && index + 1 < std::ssize(all); ++i) {
         std::this_thread::sleep_for(std::chrono::milliseconds(1));
-        lasts = threads_named(last_name);
+        std::tie(last, index) = last_rasterizer(started);
     }
-    std::vector<pid_t> ours = threads_named(thread_name(gettid()));
-    std::ranges::sort(ours);
-    for (const pid_t last : lasts) {
-        const auto first = std::ranges::upper_bound(ours, last);
-        if (static_cast<size_t>(ours.end() - first) >= all.size()) {
-            for (size_t i = 0; i < all.size(); ++i) {
-                pin(first[static_cast<std::ptrdiff_t>(i)], all[i]);
-            }
+    const std::string own_name = thread_name(gettid());
+    int next = 0;
+    for (const pid_t thread : started) {
+        if (thread > last && next <= index && thread_name(thread) == own_name) {
+            pin_to(thread, all[static_cast<size_t>(next++)]);
         }
     }
 }
@@ -99,7 +127,8 @@ void pin_driver_threads() {
 #else
 
 namespace ecir {
-void pin_driver_threads() {}
+DriverThreads::DriverThreads() = default;
+void DriverThreads::pin() const {}
 } // namespace ecir
 
 #endif

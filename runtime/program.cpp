@@ -228,6 +228,7 @@ void Program::compile_ahead() {
         }
     }
     if (device_.info().is_cpu && fresh.size() >= kManyFreshKernels) {
+        std::ranges::for_each(fresh, &Kernel::compiles_ahead);
         ahead_ = std::make_unique<CompileAhead>(device_, fresh);
     }
 }

@@ -210,7 +210,7 @@ private:
     std::vector<size_t> running_; ///< sets of staging whose runs are submitted, oldest first
     size_t written_ = 0;          ///< the set that write() fills
     size_t read_ = 0;             ///< the set that read() reads
-    std::unique_ptr<CompileAhead> ahead_; ///< until the first run is done
+    std::unique_ptr<CompileAhead> ahead_; ///< ends with the first run
 };
 
 } // namespace ecir

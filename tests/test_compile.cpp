@@ -42,6 +42,7 @@ TEST_SUITE("runtime") {
         constexpr int kMostThreads = 16;
         std::atomic<int> made = 0;
         std::promise<void> open;
+        std::atomic<bool> leaving = false;
         CompileQueue::Pipeline last;
         std::thread opener;
         {
@@ -54,15 +55,31 @@ TEST_SUITE("runtime") {
                     return {};
                 });
             }
-            opener = std::thread([&open] {
+            opener = std::thread([&open, &leaving] {
+                leaving.wait(false);
                 std::this_thread::sleep_for(
                     std::chrono::milliseconds(200)); // the queue's end begins
                 open.set_value();
             });
+            leaving = true;
+            leaving.notify_one();
         }
         opener.join();
         CHECK(made <= kMostThreads);
         CHECK_THROWS_AS((void)last.get(), std::future_error);
+    }
+
+    // Cooperative matrices are types that SPIRV-Cross need not know.
+    TEST_CASE("shaders with cooperative matrices tell what they bind") {
+        for (const char* name : {"conv_matrix_khr", "conv_matrix_nv"}) {
+            if (is_embedded(name)) {
+                const Reflection found = reflect(name, embedded_shader(name));
+                CHECK(found.bindings.size() == 6);
+                CHECK(found.push_bytes == 60);
+            }
+        }
+        CHECK(is_embedded("conv_tile"));
+        CHECK(!is_embedded("conv_tiles"));
     }
 
     // The validation layer watches the dispatches without workgroups.

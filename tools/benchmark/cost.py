@@ -9,6 +9,7 @@ from math import ceil, prod
 from methods import FRAMES, BenchmarkError, read_header
 
 ESL_ROUNDS = 25
+REFERENCES = 1  # -1 and 1 are among even times, 0 is where their number is odd
 
 
 def _ecir_rules(metadata, frames, refined):
@@ -25,12 +26,12 @@ def _esl_rules(_metadata, frames, _refined):
     return [(r"\.S[12]\.", 1, ESL_ROUNDS * frames), (r"image_d|event_c|W1|W2|endconv", 1, frames)]
 
 
-def _fusion_rules(_metadata, frames, _refined):
-    """By the modules of tools/train/fusion.py."""
+def _fusion_rules(_metadata, frames, refined):
+    """By the modules of tools/train/fusion.py and what the refinement across time adds."""
     trunk = {2: "down1", 4: "down2|res2|res7|feature", 8: "down3|res3|motion|res6|up2", 16: "down4|res4|res5|up3"}
     head = {1: "skip|out", 2: "down1|res1|up0", 4: "down2|res2|res3|up1"}
     return ([(rf"trunk\.({layers})\.", side, 1) for side, layers in trunk.items()]
-            + [(rf"head\.({layers})\.", side, frames) for side, layers in head.items()])
+            + [(rf"head\.({layers})\.", side, frames + (REFERENCES if refined else 0)) for side, layers in head.items()])
 
 
 RULES = {"ecir": _ecir_rules, "esl_net": _esl_rules, "fusion": _fusion_rules}

@@ -196,7 +196,7 @@ void add_method(CLI::App& command, Options& o) {
             "Refinement iterations of E-CIR; fusion networks: 0 the prior alone, 1 corrected, "
             "2 averaged along the motion too")
         ->check(within(0, 1000))
-        ->option_text("N [as trained]")
+        ->option_text("N [all]")
         ->group(group);
     command
         .add_option("--refine-until", o.job.deblur.refine_until,

@@ -227,7 +227,9 @@ public:
         }
         // A line that the block ends in is moved to the front.
         kept_ = rest.size();
-        std::memmove(block_.data(), rest.data(), kept_);
+        if (kept_ > 0) {
+            std::memmove(block_.data(), rest.data(), kept_);
+        }
         return !ended_;
     }
 

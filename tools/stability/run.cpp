@@ -176,9 +176,8 @@ nlohmann::ordered_json to_json(const Result& result) {
             const bool known = sample != nullptr && std::isfinite(sample->value);
             line["values"].push_back(known ? nlohmann::ordered_json(sample->value) : nullptr);
             line["failed"].push_back(sample != nullptr && sample->failed);
-            if (sample != nullptr && sample->warned) {
-                line["warned"].push_back(*sample->warned);
-            }
+            const bool told = sample != nullptr && sample->warned;
+            line["warned"].push_back(told ? nlohmann::ordered_json(*sample->warned) : nullptr);
             line["reference"] = sample != nullptr && sample->reference;
         }
         const Failure found = failure(result, series);
