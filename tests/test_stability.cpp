@@ -211,6 +211,8 @@ TEST_SUITE("stability") {
         Result result{sweep, {1, 2, 3}, {{sample}, {sample}, {sample}}};
         CHECK(failure(result, "method").warned == "nothing at 1, 2, 3");
         sample.warned = {"slow"};
+        CHECK_FALSE(sweep.holds(sample, 1)); // of something else
+        sweep.warnings = {"fast", "slow"};
         CHECK(sweep.holds(sample, 1));
         result.samples[1] = result.samples[2] = {sample};
         CHECK(failure(result, "method").warned == "slow; nothing at 1");

@@ -1,6 +1,7 @@
 #include "tools/stability/frames.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdio>
 #include <limits>
@@ -146,7 +147,10 @@ bool Sweep::holds(const Sample& sample, double value) const {
     if (!sample.finite) {
         return false;
     }
-    const bool warned = sample.warned && !sample.warned->empty();
+    const bool warned =
+        sample.warned && std::ranges::any_of(*sample.warned, [&](const std::string& warning) {
+            return std::ranges::find(warnings, warning) != warnings.end();
+        });
     return !sample.failed || warned || std::ranges::none_of(promises, [&](const Promise& promise) {
         return sample.series.starts_with(promise.series) && value >= promise.low &&
                value <= promise.high;
@@ -154,10 +158,22 @@ bool Sweep::holds(const Sample& sample, double value) const {
 }
 
 std::vector<Sweep> all_sweeps() {
+    struct Group {
+        std::vector<Sweep> (*make)();
+        std::vector<std::string> warnings;
+    };
+    const std::array groups = {
+        Group{event_sweeps, {"no-events", "one-sign", "noise", "hot-pixels", "bunched", "gap"}},
+        Group{sensor_sweeps, {"one-sign", "noise", "hot-pixels", "bunched", "gap"}},
+        Group{motion_sweeps, {"slow", "fast"}},
+        Group{light_sweeps, {"saturated", "dark", "one-sign", "flicker"}},
+        Group{curve_sweeps, {}},
+        Group{refinement_sweeps, {}},
+        Group{precision_sweeps, {}}};
     std::vector<Sweep> all;
-    for (const auto& group : {event_sweeps, sensor_sweeps, motion_sweeps, light_sweeps,
-                              curve_sweeps, refinement_sweeps, precision_sweeps}) {
-        for (Sweep& sweep : group()) {
+    for (const Group& group : groups) {
+        for (Sweep& sweep : group.make()) {
+            sweep.warnings = group.warnings;
             all.push_back(std::move(sweep));
         }
     }

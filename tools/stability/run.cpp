@@ -70,6 +70,8 @@ Result run(const Sweep& sweep, const Lab& lab, bool quick,
     return result;
 }
 
+namespace {
+
 /// Of the failed samples of a series, each once; and where a failure of a scene has none.
 std::string warnings(const Result& result, const std::string& series) {
     std::vector<std::string> names;
@@ -98,6 +100,8 @@ std::string warnings(const Result& result, const std::string& series) {
     return joined(names) + (!names.empty() && !without.empty() ? "; " : "") +
            (without.empty() ? "" : "nothing at " + joined(without));
 }
+
+} // namespace
 
 Failure failure(const Result& result, const std::string& series) {
     std::vector<bool> failed;

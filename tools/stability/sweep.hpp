@@ -49,8 +49,8 @@ struct Axis {
     cli::svg::Spread spread = cli::svg::Spread::even;
 };
 
-/// Within `low` ... `high` the series must not fail without a warning: the safe behaviour, which
-/// tests hold to.
+/// Within `low` ... `high` the series must not fail without one of the sweep's warnings: the safe
+/// behaviour, which tests hold to.
 struct Promise {
     std::string series; ///< how its name begins; empty: all of them
     double low;
@@ -69,6 +69,7 @@ struct Sweep {
     std::string fails{};               ///< what failing means, decided before
     std::string safe{};                ///< what ecir does there
     std::vector<Promise> promises{};
+    std::vector<std::string> warnings{}; ///< names that tell of its kind of condition
     std::optional<double> limit{}; ///< of y, drawn; a reference series may be the limit instead
     std::function<std::vector<Sample>(const Lab&, double)> measure{};
 
