@@ -22,6 +22,7 @@ CompileQueue::Pipeline CompileQueue::add(std::function<Handle<VkPipeline>()> mak
     constexpr size_t kMostThreads = 16; // a network has a few dozen pipelines
     Task task(std::move(make));
     Pipeline pipeline = task.get_future().share();
+    Task own; // of the caller, where there is no thread
     {
         const std::scoped_lock lock(mutex_);
         tasks_.push_back(std::move(task));
@@ -32,14 +33,14 @@ CompileQueue::Pipeline CompileQueue::add(std::function<Handle<VkPipeline>()> mak
             } catch (const std::system_error&) {
                 // No further thread is to be had: those that are there do it, or the caller.
                 if (threads_.empty()) {
-                    task = std::move(tasks_.back());
+                    own = std::move(tasks_.back());
                     tasks_.pop_back();
                 }
             }
         }
     }
-    if (task.valid()) {
-        task();
+    if (own.valid()) {
+        own();
     }
     changed_.notify_one();
     return pipeline;
