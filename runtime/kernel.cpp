@@ -53,7 +53,8 @@ std::vector<uint32_t> without_matrices(std::span<const uint32_t> spirv) {
 
 Handle<VkPipeline> make_pipeline(VkDevice vk, VkPipelineLayout layout,
                                  std::span<const uint32_t> spirv,
-                                 std::span<const uint32_t> constants, VkPipelineCache cache) {
+                                 std::span<const uint32_t> constants, bool full_subgroups,
+                                 VkPipelineCache cache) {
     VkShaderModuleCreateInfo module_info{};
     module_info.sType = VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO;
     module_info.codeSize = spirv.size_bytes();
@@ -72,6 +73,8 @@ Handle<VkPipeline> make_pipeline(VkDevice vk, VkPipelineLayout layout,
     info.sType = VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO;
     info.stage.sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO;
     info.stage.stage = VK_SHADER_STAGE_COMPUTE_BIT;
+    info.stage.flags =
+        full_subgroups ? VK_PIPELINE_SHADER_STAGE_CREATE_REQUIRE_FULL_SUBGROUPS_BIT_EXT : 0;
     info.stage.module = shader.get();
     info.stage.pName = "main";
     info.stage.pSpecializationInfo = &specialization;
@@ -102,6 +105,7 @@ Reflection reflect(std::string_view name, std::span<const uint32_t> spirv) {
                "spvc_compiler_create_shader_resources");
 
     Reflection result;
+    result.matrices = !std::ranges::equal(words, spirv);
     const auto list = [&](spvc_resource_type type) {
         const spvc_reflected_resource* items = nullptr;
         size_t count = 0;
@@ -182,9 +186,10 @@ Kernel::Kernel(Device& device, std::string_view name, std::span<const uint32_t> 
     vk_check(vkCreatePipelineLayout(vk, &layout_info, nullptr, &layout), "vkCreatePipelineLayout");
     layout_ = Handle<VkPipelineLayout>(layout, vk, vkDestroyPipelineLayout);
 
-    pipeline_ = queue.add([vk, layout, spirv, cache, values = constants_] {
-        return make_pipeline(vk, layout, spirv, values, cache);
-    });
+    pipeline_ =
+        queue.add([vk, layout, spirv, cache, full = reflection_.matrices, values = constants_] {
+            return make_pipeline(vk, layout, spirv, values, full, cache);
+        });
 }
 
 KernelCache::KernelCache(Device& device)

@@ -26,6 +26,7 @@ struct Reflection {
     };
     std::vector<Binding> bindings; ///< set 0, by index: 0, 1, 2, ...
     uint32_t push_bytes = 0;
+    bool matrices = false; ///< cooperative ones, which need full subgroups
 };
 
 /// Reads bindings and push-constant size. Throws Error(device) for a shader outside the

@@ -22,27 +22,30 @@ bool has_extension(VkPhysicalDevice device, std::string_view wanted) {
     });
 }
 
-/// Whether all subgroups of a device have the size that it states, and the memory model that
-/// cooperative matrices take is there.
+/// Whether all subgroups of a device have the size that it states, kernels may ask for full ones,
+/// and the memory model that cooperative matrices take is there.
 bool is_fit(VkPhysicalDevice device, uint32_t version) {
-    if (version < VK_API_VERSION_1_2) {
+    if (version < VK_API_VERSION_1_2 ||
+        !has_extension(device, VK_EXT_SUBGROUP_SIZE_CONTROL_EXTENSION_NAME)) {
         return false;
     }
     VkPhysicalDeviceSubgroupSizeControlPropertiesEXT sizes{};
     sizes.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_SUBGROUP_SIZE_CONTROL_PROPERTIES_EXT;
     VkPhysicalDeviceProperties2 properties{};
     properties.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2;
-    properties.pNext =
-        has_extension(device, VK_EXT_SUBGROUP_SIZE_CONTROL_EXTENSION_NAME) ? &sizes : nullptr;
+    properties.pNext = &sizes;
     vkGetPhysicalDeviceProperties2(device, &properties);
 
+    VkPhysicalDeviceSubgroupSizeControlFeaturesEXT subgroups{};
+    subgroups.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_SUBGROUP_SIZE_CONTROL_FEATURES_EXT;
     VkPhysicalDeviceVulkan12Features features12{};
     features12.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_2_FEATURES;
+    features12.pNext = &subgroups;
     VkPhysicalDeviceFeatures2 features{};
     features.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_FEATURES_2;
     features.pNext = &features12;
     vkGetPhysicalDeviceFeatures2(device, &features);
-    return features12.vulkanMemoryModel == VK_TRUE &&
+    return features12.vulkanMemoryModel == VK_TRUE && subgroups.computeFullSubgroups == VK_TRUE &&
            sizes.minSubgroupSize == sizes.maxSubgroupSize;
 }
 
@@ -137,18 +140,24 @@ std::string_view form_name(Matrices::Form form) {
 }
 
 MatrixFeatures::MatrixFeatures(Matrices::Form form) {
+    subgroups_.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_SUBGROUP_SIZE_CONTROL_FEATURES_EXT;
+    subgroups_.computeFullSubgroups = VK_TRUE;
 #ifdef VK_KHR_cooperative_matrix
     if (form == Matrices::Form::khr) {
         khr_.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_COOPERATIVE_MATRIX_FEATURES_KHR;
         khr_.cooperativeMatrix = VK_TRUE;
-        extensions_ = {VK_KHR_COOPERATIVE_MATRIX_EXTENSION_NAME};
+        khr_.pNext = &subgroups_;
+        extensions_ = {VK_KHR_COOPERATIVE_MATRIX_EXTENSION_NAME,
+                       VK_EXT_SUBGROUP_SIZE_CONTROL_EXTENSION_NAME};
         chain_ = &khr_;
     }
 #endif
     if (form == Matrices::Form::nv) {
         nv_.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_COOPERATIVE_MATRIX_FEATURES_NV;
         nv_.cooperativeMatrix = VK_TRUE;
-        extensions_ = {VK_NV_COOPERATIVE_MATRIX_EXTENSION_NAME};
+        nv_.pNext = &subgroups_;
+        extensions_ = {VK_NV_COOPERATIVE_MATRIX_EXTENSION_NAME,
+                       VK_EXT_SUBGROUP_SIZE_CONTROL_EXTENSION_NAME};
         chain_ = &nv_;
     }
 }

@@ -25,7 +25,7 @@ std::string_view form_name(Matrices::Form form);
 /// What a device and its driver have that this library's kernels can use: m, n and k are 8 or 16,
 /// the largest product of these first. The KHR form goes before NVIDIA's; a form that the GLSL
 /// compiler of the build did not know is not taken, and none where the size of subgroups may vary
-/// from kernel to kernel.
+/// from kernel to kernel, or where kernels cannot ask for full ones.
 Matrices find_matrices(VkInstance instance, VkPhysicalDevice device);
 
 /// What a device is opened with so that kernels may use matrices of a form.
@@ -43,6 +43,7 @@ public:
 private:
     std::vector<const char*> extensions_;
     void* chain_ = nullptr;
+    VkPhysicalDeviceSubgroupSizeControlFeaturesEXT subgroups_{};
 #ifdef VK_KHR_cooperative_matrix
     VkPhysicalDeviceCooperativeMatrixFeaturesKHR khr_{};
 #endif

@@ -76,9 +76,11 @@ TEST_SUITE("runtime") {
                 const Reflection found = reflect(name, embedded_shader(name));
                 CHECK(found.bindings.size() == 6);
                 CHECK(found.push_bytes == 60);
+                CHECK(found.matrices);
             }
         }
         CHECK(is_embedded("conv_tile"));
+        CHECK_FALSE(reflect("conv_tile", embedded_shader("conv_tile")).matrices);
         CHECK(!is_embedded("conv_tiles"));
     }
 
