@@ -58,6 +58,34 @@ void judge_pixels(const std::vector<uint32_t>& counts, uint32_t width, uint32_t 
         facts.events > 0 ? static_cast<double>(isolated) / static_cast<double>(facts.events) : 0;
 }
 
+double agreeing_share(const EventView& events, uint32_t width, uint32_t height) {
+    constexpr size_t kMost = 131'072;
+    constexpr size_t kFewest = 1000;
+    struct Latest {
+        uint32_t place = 0; ///< among the events, from 1; 0: none
+        uint8_t sign = 0;
+    };
+    const size_t row = size_t{width} + 2; // with a border that has no events
+    std::vector<Latest> latest(row * (size_t{height} + 2));
+    size_t met = 0;
+    size_t agreeing = 0;
+    for (size_t i = 0; i < std::min(events.size(), kMost); ++i) {
+        const size_t at = (size_t{events.y[i]} + 1) * row + events.x[i] + 1;
+        Latest near;
+        for (const size_t line : {at - row, at, at + row}) {
+            for (const size_t place : {line - 1, line, line + 1}) {
+                if (place != at && latest[place].place > near.place) {
+                    near = latest[place];
+                }
+            }
+        }
+        met += near.place != 0 ? 1 : 0;
+        agreeing += near.place != 0 && near.sign == events.p[i] ? 1 : 0;
+        latest[at] = {static_cast<uint32_t>(i + 1), events.p[i]};
+    }
+    return met < kFewest ? 1 : static_cast<double>(agreeing) / static_cast<double>(met);
+}
+
 /// Share of the variance of the signed event rate that a sine explains, trend aside.
 void find_flicker(const EventView& events, const Exposure& exposure, SceneFacts& facts) {
     constexpr int64_t kBin = 1000; // microseconds
@@ -176,6 +204,7 @@ SceneFacts scene_facts(std::span<const float> blurry, const EventView& events,
         static_cast<double>(std::ranges::count_if(events.p, [](uint8_t p) { return p != 0; })) /
         static_cast<double>(facts.events);
     judge_pixels(event_counts(events, width, height), width, height, facts);
+    facts.agreeing_share = agreeing_share(events, width, height);
     facts.travel = estimate_travel(blurry, events, exposure, width, height);
     find_flicker(events, exposure, facts);
     facts.bunched_share = bunched_share(events, exposure);
@@ -190,6 +219,7 @@ std::vector<SceneWarning> scene_warnings(const SceneFacts& facts, const TravelRa
     constexpr double kFlicker = 0.3;
     constexpr double kIsolated = 0.3;
     constexpr double kNoisy = 0.002; // such events a pixel
+    constexpr double kAgreeing = 0.6;
     constexpr double kBunched = 0.1; // costs up to 1.1 dB; what sensors and simulations give: 0.015
     constexpr double kHotShare = 1e-3; // of the pixels
     std::vector<SceneWarning> found;
@@ -228,6 +258,11 @@ std::vector<SceneWarning> scene_warnings(const SceneFacts& facts, const TravelRa
         warn("noise", text("%.0f %% of the events have no neighbour: background noise, which "
                            "frames keep in part",
                            100 * facts.isolated_share));
+    } else if (facts.agreeing_share < kAgreeing && facts.bunched_share <= kBunched) {
+        warn("noise", text("only %.0f %% of the events have the sign of their latest neighbour, as "
+                           "many as by chance: noise, which frames of a network show in part and "
+                           "others in full",
+                           100 * facts.agreeing_share));
     }
     if (static_cast<double>(facts.hot_pixels) * facts.events_per_pixel >
         kHotShare * static_cast<double>(facts.events)) {

@@ -21,7 +21,11 @@ struct SceneFacts {
     double white_share = 0;      ///< of the pixels: blurry frame at 0.98 or more
     double black_share = 0;      ///< of the pixels: blurry frame below 0.02
     double isolated_share = 0;   ///< of the events: no other pixel of the 3 x 3 around had one
-    size_t hot_pixels = 0;       ///< very many events where all neighbours have few
+    /// Of the events (the first 131,072) with an earlier one at the 8 pixels around: those whose
+    /// latest has the same sign. At random a half; 0.75 to 0.98 in real and simulated scenes. 1
+    /// where under 1000 have one.
+    double agreeing_share = 1;
+    size_t hot_pixels = 0; ///< very many events where all neighbours have few
     double flicker_hz = 0; ///< 100 or 120, whichever explains more; 0: exposure under 3 periods
     double flicker_share =
         0; ///< of the variance of the signed event rate that a sine of it explains

@@ -158,6 +158,23 @@ TEST_SUITE("scene facts") {
         CHECK(warned(facts, "noise"));
     }
 
+    TEST_CASE("noise so dense that no event is without a neighbour") {
+        const Seen scene = moving(12);
+        CHECK(scene.facts().agreeing_share > 0.75);
+        CHECK_FALSE(warned(scene.facts(), "noise"));
+        Seen noisy = see([](double x, double y, double) { return texture(x, y); });
+        std::mt19937 random(5);
+        for (uint32_t i = 0; i < 2 * kWidth * kHeight; ++i) {
+            noisy.events.push_back(kExposure.start + i, static_cast<uint16_t>(random() % kWidth),
+                                   static_cast<uint16_t>(random() % kHeight),
+                                   static_cast<uint8_t>(random() % 2));
+        }
+        const SceneFacts facts = noisy.facts();
+        CHECK(facts.agreeing_share == doctest::Approx(0.5).epsilon(0.05));
+        CHECK(facts.isolated_share < 0.3);
+        CHECK(warned(facts, "noise"));
+    }
+
     TEST_CASE("lamps that flicker, light that grows") {
         for (const double hertz : {100.0, 120.0}) {
             CAPTURE(hertz);

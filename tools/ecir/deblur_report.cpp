@@ -27,6 +27,7 @@ Json describe(const SceneFacts& facts) {
     scene["white_share"] = rounded(facts.white_share);
     scene["black_share"] = rounded(facts.black_share);
     scene["isolated_share"] = rounded(facts.isolated_share);
+    scene["agreeing_share"] = rounded(facts.agreeing_share);
     scene["hot_pixels"] = facts.hot_pixels;
     scene["flicker_hz"] = facts.flicker_hz > 0 ? Json(facts.flicker_hz) : Json();
     scene["flicker_share"] = rounded(facts.flicker_share);
