@@ -86,7 +86,9 @@ bool has_frames_list(const fs::path& folder) {
 /// Whether a folder holds what this tool writes, so that somebody's home is not replaced.
 bool looks_like_output(const fs::path& folder) {
     std::error_code problem;
-    if (has_frames_list(folder) || fs::is_directory(folder / "truth", problem)) {
+    if (has_frames_list(folder) || fs::is_directory(folder / "truth", problem) ||
+        fs::is_regular_file(folder / "chart.json", problem) ||
+        fs::is_regular_file(folder / "stability.json", problem)) {
         return true;
     }
     const fs::directory_iterator entries(folder, problem);
@@ -110,7 +112,8 @@ void check_replaceable(const fs::path& target, const fs::file_status& status, bo
     }
     if (!looks_like_output(target)) {
         refuse(target, "is not replaced, since it does not look like an output (neither empty nor "
-                       "with frames.csv or truth/ in it); remove it or choose another output");
+                       "with frames.csv, truth/, chart.json or stability.json in it); remove it or "
+                       "choose another output");
     }
 }
 
