@@ -52,7 +52,6 @@ struct MomentPush {
 static_assert(sizeof(MomentPush) == 28);
 
 constexpr uint32_t largest_side = 480;
-constexpr uint32_t smallest_side = 16;
 constexpr uint32_t margin = 2; // of a derivative's reach
 
 /// What the kernels take for granted.
@@ -152,7 +151,7 @@ void record_slopes(Program& program, const Tensor& frames, const EdiMomentShape&
 } // namespace
 
 EdiMomentShape edi_moment_shape(uint32_t width, uint32_t height) {
-    if (std::min(width, height) < smallest_side) {
+    if (std::min(width, height) < edi_smallest_side) {
         throw Error(ExitCode::bad_input, "thresholds cannot be estimated from " +
                                              std::to_string(width) + "x" + std::to_string(height) +
                                              " pixels; at least 16x16 are needed");
@@ -160,7 +159,7 @@ EdiMomentShape edi_moment_shape(uint32_t width, uint32_t height) {
     EdiMomentShape shape{};
     // A long strip keeps its short side.
     shape.bin = std::max(1U, std::min(ceil_div(std::max(width, height), largest_side),
-                                      std::min(width, height) / smallest_side));
+                                      std::min(width, height) / edi_smallest_side));
     shape.width = width / shape.bin;
     shape.height = height / shape.bin;
     shape.columns = sample_count(shape.width);
@@ -210,7 +209,7 @@ void record_edi_moments(Program& program, const EdiInput& input, const Tensor& f
         {read(fields), read(slopes), read(input.thresholds), write(moments)},
         MomentPush{origin(fields), origin(slopes), origin(moments), shape.columns, shape.rows,
                    shape.tile_columns, shape.tiles()},
-        {ceil_div(shape.tiles(), 64), edi_windows, 1}, 85 * samples);
+        {ceil_div(shape.tiles(), 64), edi_windows, 1}, 125 * samples);
 }
 
 } // namespace ecir

@@ -18,6 +18,12 @@ namespace ecir {
 inline constexpr uint32_t edi_windows = 16;
 inline constexpr double edi_window_length = 5.0 / 128;
 
+/// Pixels a side that a sensor needs for it.
+inline constexpr uint32_t edi_smallest_side = 16;
+
+/// Sums of a tile in a window.
+inline constexpr uint32_t edi_moment_count = 7;
+
 /// Where a window begins, normalised time.
 constexpr double edi_window_start(uint32_t window) {
     return (2.0 * window + 1) / edi_windows - 1 - edi_window_length / 2;
@@ -45,11 +51,11 @@ struct EdiMomentShape {
     [[nodiscard]] uint32_t tiles() const { return tile_columns * tile_rows; }
     /// Layout of the fields: see shaders/edi_moments.comp.
     [[nodiscard]] Layout fields() const { return {6 * edi_windows + 2, rows, columns}; }
-    /// Layout of the moments: [4][edi_windows][tiles].
-    [[nodiscard]] Layout moments() const { return {4, edi_windows, tiles()}; }
+    /// Layout of the moments: [edi_moment_count][edi_windows][tiles].
+    [[nodiscard]] Layout moments() const { return {edi_moment_count, edi_windows, tiles()}; }
 };
 
-/// Throws Error(bad_input) for less than 16 pixels a side.
+/// Throws Error(bad_input) for less than edi_smallest_side pixels a side.
 EdiMomentShape edi_moment_shape(uint32_t width, uint32_t height);
 
 /// Records the fields, an output or a temporary of EdiMomentShape::fields(), of input.blurry (block

@@ -27,9 +27,6 @@ constexpr double fit_error = 0.015;
 /// The events' own noise makes thresholds slightly below the true ones give the smallest error.
 constexpr double noise_shrinkage = 0.02;
 
-/// Pixels a side that the estimation needs.
-constexpr uint32_t smallest_side = 16;
-
 EdiThresholds thresholds_at(const Point& point) {
     return {static_cast<float>(std::exp(point.size + point.ratio / 2)),
             static_cast<float>(std::exp(point.size - point.ratio / 2))};
@@ -82,26 +79,37 @@ Crossing find_crossing(const std::function<EdiBalance(const EdiThresholds&)>& ba
 } // namespace
 
 EdiBalance edi_balance(std::span<const float> moments, uint32_t tiles) {
+    using Sums = std::array<double, edi_moment_count>;
     const size_t plane = size_t{edi_windows} * tiles;
-    std::array<double, 4> sum{};
-    std::array<double, 4> squares{}; // of the tiles' sums over the windows
+    std::vector<Sums> of_tiles(tiles);
+    Sums sum{};
     for (size_t tile = 0; tile < tiles; ++tile) {
-        for (size_t m = 0; m < 4; ++m) {
-            double total = 0;
+        for (size_t m = 0; m < edi_moment_count; ++m) {
             for (size_t window = 0; window < edi_windows; ++window) {
-                total += double{moments[m * plane + window * tiles + tile]};
+                of_tiles[tile][m] += double{moments[m * plane + window * tiles + tile]};
             }
-            sum[m] += total;
-            squares[m] += total * total;
+            sum[m] += of_tiles[tile][m];
         }
     }
-    EdiBalance result;
-    constexpr double unknown = std::numeric_limits<double>::infinity();
-    result.blur = sum[1] > 0 ? sum[0] / sum[1] : 0;
-    result.blur_error = sum[1] > 0 ? std::sqrt(squares[0]) / sum[1] : unknown;
-    result.drift = sum[3] > 0 ? sum[2] / sum[3] : 0;
-    result.drift_error = sum[3] > 0 ? std::sqrt(squares[2]) / sum[3] : unknown;
-    return result;
+    // A weighted sum of some moments over all tiles, and its standard error.
+    const auto tell = [&](double weight, size_t m, double other_weight, size_t other) {
+        double squares = 0;
+        for (const Sums& tile : of_tiles) {
+            squares += std::pow(weight * tile[m] + other_weight * tile[other], 2);
+        }
+        return std::array{weight * sum[m] + other_weight * sum[other], std::sqrt(squares)};
+    };
+    constexpr std::array unknown = {0.0, std::numeric_limits<double>::infinity()};
+    const auto [blur, blur_error] = sum[1] > 0 ? tell(1 / sum[1], 0, 0, 0) : unknown;
+    const auto [drift, drift_error] = sum[3] > 0 ? tell(1 / sum[3], 2, 0, 2) : unknown;
+    // S spans the time from the first window's middle to the last one's.
+    constexpr double share = 1.0 * (edi_windows - 1) / edi_windows;
+    const double determinant = sum[1] * sum[5] - sum[6] * sum[6];
+    const auto [lag, lag_error] =
+        determinant > 1e-6 * sum[1] * sum[5]
+            ? tell(share * sum[1] / determinant, 4, -share * sum[6] / determinant, 0)
+            : unknown;
+    return {blur, drift, blur_error, drift_error, lag, lag_error};
 }
 
 EdiEstimate solve_edi_thresholds(const std::function<EdiBalance(const EdiThresholds&)>& balance) {
@@ -238,7 +246,7 @@ EdiBalance EdiThresholdEstimator::balance(const PackedEvents& events, std::span<
 EdiThresholdSource::EdiThresholdSource(Device& device, uint32_t width, uint32_t height,
                                        std::optional<EdiThresholds> given)
     : width_(width), height_(height), given_(given) {
-    if (!given_ && std::min(width, height) < smallest_side) {
+    if (!given_ && std::min(width, height) < edi_smallest_side) {
         given_ = EdiThresholds{};
     }
     if (!given_) {

@@ -19,13 +19,20 @@ namespace ecir {
 /// uncorrelated with v . grad b; and the right ratio is where the rest has no drift, since c+ too
 /// large brightens every pixel that edges pass. The noise of the events is in the rest but not in
 /// b, so it does not bias the first test. Tiles count by how well one motion explains them.
+///
+/// Events that come late by a share s of the exposure make X(t) = X*(t - s) + s S to first order in
+/// s, S being what the whole exposure changes: the blurry frame is the mean of another stretch of
+/// time than the events tell of. The left side is then s v . grad S, and regressing the rest on
+/// both it and v . grad b tells s.
 
-/// Both tests for some thresholds, each with its standard error (infinite: no information).
+/// The tests for some thresholds, each with its standard error (infinite: no information).
 struct EdiBalance {
     double blur = 0;  ///< sum (v . grad b)(rest) / sum (v . grad b)^2; about 1 - f
     double drift = 0; ///< sum rest / sum |dX|
     double blur_error = 0;
     double drift_error = 0;
+    double lag = 0; ///< of the events, as a share of the exposure; too small where it is large
+    double lag_error = 0;
 };
 
 /// Sums the moments of record_edi_moments() in a fixed order; the errors take tiles as independent.

@@ -14,26 +14,6 @@ constexpr float kBlack = 0.03F; // darker than this and whiter than that the fra
 constexpr float kWhite = 0.97F;
 constexpr int kPairs = 3;
 
-/// When the change that an event tells of happened on average: midway from the pixel's event before
-/// where that has the same sign, since the brightness ran on between them. Stamps alone are half a
-/// threshold late.
-std::vector<double> times_of_change(const EventView& events, uint32_t width, uint32_t height) {
-    struct Last {
-        int64_t time = 0;
-        int sign = -1;
-    };
-    std::vector<Last> last(size_t{width} * height);
-    std::vector<double> times(events.size());
-    for (size_t i = 0; i < events.size(); ++i) {
-        Last& before = last[size_t{events.y[i]} * width + events.x[i]];
-        const int sign = events.p[i] != 0 ? 1 : 0;
-        const auto now = static_cast<double>(events.t[i]);
-        times[i] = before.sign == sign ? 0.5 * (now + static_cast<double>(before.time)) : now;
-        before = {events.t[i], sign};
-    }
-    return times;
-}
-
 /// Share of an exposure that is over at a time, 0 to 1.
 double share_over(const Exposure& exposure, double time) {
     const auto start = static_cast<double>(exposure.start);
@@ -66,6 +46,23 @@ double correlation(const std::vector<float>& a, const std::vector<float>& b,
 }
 
 } // namespace
+
+std::vector<double> times_of_change(const EventView& events, uint32_t width, uint32_t height) {
+    struct Last {
+        int64_t time = 0;
+        int sign = -1;
+    };
+    std::vector<Last> last(size_t{width} * height);
+    std::vector<double> times(events.size());
+    for (size_t i = 0; i < events.size(); ++i) {
+        Last& before = last[size_t{events.y[i]} * width + events.x[i]];
+        const int sign = events.p[i] != 0 ? 1 : 0;
+        const auto now = static_cast<double>(events.t[i]);
+        times[i] = before.sign == sign ? 0.5 * (now + static_cast<double>(before.time)) : now;
+        before = {events.t[i], sign};
+    }
+    return times;
+}
 
 void EventLagEstimator::add(std::span<const float> first, const Exposure& first_exposure,
                             std::span<const float> second, const Exposure& second_exposure,

@@ -3,10 +3,16 @@
 #include <cstdint>
 #include <optional>
 #include <span>
+#include <vector>
 
 #include "layers/events.hpp"
 
 namespace ecir {
+
+/// When the change that each event tells of happened on average: midway from its pixel's event
+/// before where that has the same sign, since the brightness ran on between them. Stamps alone are
+/// half a threshold late. events: sorted, inside the image; the times of a pixel stay so.
+std::vector<double> times_of_change(const EventView& events, uint32_t width, uint32_t height);
 
 /// How late events are against the frames: an event stamped t happened at t - lag on the frames'
 /// clock. Found from neighbouring exposures: the logarithm of a blurry frame is close to the mean

@@ -293,4 +293,18 @@ std::vector<SceneWarning> scene_warnings(const SceneFacts& facts, const TravelRa
     return found;
 }
 
+std::optional<SceneWarning> lag_warning(const SceneFacts& facts, const Exposure& exposure,
+                                        double late_us) {
+    constexpr double kFar = 1.5; // pixels; estimates are mostly within one
+    const double pixels =
+        facts.travel * std::abs(late_us) / static_cast<double>(exposure.duration());
+    if (pixels < kFar) {
+        return std::nullopt;
+    }
+    return SceneWarning{"late", text("the events are about %.1f ms later against the frame than "
+                                     "assumed, %.0f pixels of motion: frames are displaced and "
+                                     "keep ghosts of the ends; try --lag auto",
+                                     late_us * 1e-3, pixels)};
+}
+
 } // namespace ecir

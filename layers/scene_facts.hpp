@@ -1,6 +1,7 @@
 #pragma once
 #include <cstdint>
 #include <limits>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -57,5 +58,10 @@ struct TravelRange {
 
 /// Those that hold for a method. Their limits: layers/scene_facts.cpp.
 std::vector<SceneWarning> scene_warnings(const SceneFacts& facts, const TravelRange& served);
+
+/// The one of events that are `late_us` microseconds later against a frame than was assumed, where
+/// what moves goes far in that time.
+std::optional<SceneWarning> lag_warning(const SceneFacts& facts, const Exposure& exposure,
+                                        double late_us);
 
 } // namespace ecir

@@ -11,12 +11,16 @@
 //     moments(1) = r sum (v . grad b)^2
 //     moments(2) = r sum (D + v . G)                   drift
 //     moments(3) = r sum |D|
+//     moments(4) = r sum (v . grad S) (D + v . G)      the exposure's change S in the rest
+//     moments(5) = r sum (v . grad S)^2
+//     moments(6) = r sum (v . grad b) (v . grad S)
+// with S from the middle of the first window to that of the last.
 //
 // fields      [6 WINDOWS + 2][height][width]: in window 0, 1, ... N+; N-; the x derivatives of N+ in
 //             the middle of each, of N-, of b; the y derivatives likewise
 // level       [2][height][width]: grad l
 // thresholds  [2]: c+, c-
-// moments     [4][WINDOWS][tiles]
+// moments     [7][WINDOWS][tiles]
 // Bindings: as listed.
 // Precondition: tiles <= 64 x groups.x, WINDOWS = groups.y.
 // Tile: SAMPLES x SAMPLES samples; one tile of a window an invocation, in a fixed order.
@@ -57,6 +61,10 @@ void main() {
     const uint y_slopes = x_slopes + 2 * group + plane;
     const uint still_x = fields_origin + 4 * group;
     const uint still_y = still_x + 2 * group + plane;
+    const uint first_x = fields_origin + 2 * group;
+    const uint first_y = first_x + 2 * group + plane;
+    const uint last_x = first_x + group - plane;
+    const uint last_y = first_y + group - plane;
     const float up = thresholds[0];
     const float down = thresholds[1];
 
@@ -65,6 +73,10 @@ void main() {
     vec3 bb = vec3(0); // grad b likewise
     vec2 bd = vec2(0);
     vec3 bg = vec3(0); // bx Gx, bx Gy + by Gx, by Gy
+    vec3 ss = vec3(0); // grad S likewise
+    vec2 sd = vec2(0);
+    vec3 sg = vec3(0);
+    vec3 sb = vec3(0);
     vec2 g = vec2(0);
     float d = 0;
     float dd = 0;
@@ -84,6 +96,17 @@ void main() {
             bd += still * change;
             bg += vec3(still.x * slope.x, still.x * slope.y + still.y * slope.x,
                        still.y * slope.y);
+            const vec2 whole =
+                up * vec2(fields[last_x + at] - fields[first_x + at],
+                          fields[last_y + at] - fields[first_y + at]) -
+                down * vec2(fields[last_x + group + at] - fields[first_x + group + at],
+                            fields[last_y + group + at] - fields[first_y + group + at]);
+            ss += vec3(whole.x * whole.x, whole.x * whole.y, whole.y * whole.y);
+            sd += whole * change;
+            sg += vec3(whole.x * slope.x, whole.x * slope.y + whole.y * slope.x,
+                       whole.y * slope.y);
+            sb += vec3(whole.x * still.x, whole.x * still.y + whole.y * still.x,
+                       whole.y * still.y);
             g += slope;
             d += change;
             dd += change * change;
@@ -104,4 +127,7 @@ void main() {
     moments[at + step] = r * (vv.x * bb.x + 2 * vv.y * bb.y + vv.z * bb.z);
     moments[at + 2 * step] = r * (d + dot(v, g));
     moments[at + 3 * step] = r * size;
+    moments[at + 4 * step] = r * (dot(v, sd) + dot(vv, sg));
+    moments[at + 5 * step] = r * (vv.x * ss.x + 2 * vv.y * ss.y + vv.z * ss.z);
+    moments[at + 6 * step] = r * dot(vv, sb);
 }

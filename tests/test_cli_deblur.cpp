@@ -345,7 +345,7 @@ TEST_SUITE("cli deblur") {
         CHECK(array(scene.result("late.npy")).values == array(scene.result("shifted.npy")).values);
         const Outcome guess =
             must(scene.deblur(scene.result("guessed.npy"), Arguments{"--lag", "auto"} + kEdi));
-        CHECK(guess.err.find("too few exposures") != std::string::npos);
+        CHECK(guess.err.find("estimated lag of the events") != std::string::npos);
         const Outcome refused =
             run_ecir(scene.deblur(scene.result("x.npy"), Arguments{"--lag", "soon"} + kEdi));
         CHECK(refused.code == 2);
@@ -377,9 +377,11 @@ TEST_SUITE("cli deblur") {
         const std::string events = scene.result("noise.txt");
         put(events, "1600000000.010000 3 4 1\n1600000000.030000 20 11 0\n");
         const std::string file = scene.result("noise.json");
-        const Outcome outcome = must(Scene::deblur_of(scene.blurry, events, scene.result("noise"),
-                                                      {"--frames", "2", "--report", file}));
+        const Outcome outcome =
+            must(Scene::deblur_of(scene.blurry, events, scene.result("noise"),
+                                  {"--frames", "2", "--report", file, "--lag", "auto"}));
         CHECK(outcome.err.find("look like noise") != std::string::npos);
+        CHECK(outcome.err.find("how late") != std::string::npos);
         const auto report = nlohmann::json::parse(get(file));
         CHECK(report["exposures"][0]["model"].is_null());
         CHECK(report["exposures"][0]["windows"].empty());

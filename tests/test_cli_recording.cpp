@@ -1,4 +1,5 @@
 #include <doctest/doctest.h>
+#include <nlohmann/json.hpp>
 
 #include "tests/cli_support.hpp"
 
@@ -47,6 +48,38 @@ TEST_SUITE("cli recording") {
         CHECK(io::read_npy(three.result("out.npy")).shape ==
               std::vector<size_t>{12, kHeight, kWidth});
         must(three.deblur(three.scene, "out.mp4", {"--frames", "4"}));
+    }
+
+    TEST_CASE("late events are found, told of in the report, and allowed for") {
+        const TemporaryFolder folder;
+        io::write_image(folder / "still.png", still(1));
+        must({"simulate", "-i", folder / "still.png", "-o", folder / "scene", "--size", "88x72",
+              "--travel", "10", "--exposure-us", "50000", "--start", std::to_string(kStart),
+              "--count", "3"});
+        constexpr int64_t kLate = 10'000; // of 50 ms
+        const Arguments middle{"deblur",
+                               "-i",
+                               folder / "scene/blurry_000001.png",
+                               "-e",
+                               folder / "scene/events.h5",
+                               "--exposure",
+                               std::to_string(kEnd - kLate),
+                               std::to_string(2 * kEnd - kStart - kLate)};
+        const auto report = [&](const std::string& lag) {
+            const fs::path file = folder / (lag + ".json");
+            must(middle + kEdi + Arguments{"--lag", lag, "-o", folder / lag, "--report", file});
+            return nlohmann::json::parse(get(file));
+        };
+        const auto late = [](const nlohmann::json& found) {
+            return found["exposures"][0]["warnings"].dump().find("\"late\"") != std::string::npos;
+        };
+        const auto assumed = report("0");
+        CHECK(std::abs(assumed["estimated_lag_us"].get<double>() - kLate) < 2'000);
+        CHECK(late(assumed));
+        const auto found = report("auto");
+        CHECK(found["lag_us"] == found["estimated_lag_us"]);
+        CHECK_FALSE(late(found));
+        CHECK_FALSE(late(report(std::to_string(kLate))));
     }
 
     TEST_CASE("an exposure of it gives what it gives alone") {

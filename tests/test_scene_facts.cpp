@@ -95,6 +95,18 @@ TEST_SUITE("scene facts") {
         CHECK(shaken.facts().travel == doctest::Approx(20).epsilon(0.3));
     }
 
+    TEST_CASE("late events, where what moves goes far in that time") {
+        SceneFacts facts;
+        facts.travel = 12;
+        const double pixel = static_cast<double>(kExposure.duration()) / 12;
+        CHECK_FALSE(lag_warning(facts, kExposure, pixel).has_value());
+        for (const double late : {2 * pixel, -2 * pixel}) {
+            const auto warning = lag_warning(facts, kExposure, late);
+            REQUIRE(warning.has_value());
+            CHECK(warning->name == "late");
+        }
+    }
+
     TEST_CASE("motion beyond what a method is good for") {
         const SceneFacts facts = moving(12).facts();
         const auto names = [&](const TravelRange& served) {

@@ -37,6 +37,12 @@ struct Frames {
     [[nodiscard]] double at(size_t k, size_t y, size_t x) const {
         return values[(k * height + y) * width + x];
     }
+    /// In the middle of a window: of both of its ends' frames.
+    [[nodiscard]] std::array<double, 2> middle_gradient(size_t window, size_t y, size_t x) const {
+        const auto early = gradient(2 * window, y, x);
+        const auto late = gradient(2 * window + 1, y, x);
+        return {(early[0] + late[0]) / 2, (early[1] + late[1]) / 2};
+    }
     /// Five-point derivatives along x and y.
     [[nodiscard]] std::array<double, 2> gradient(size_t k, size_t y, size_t x) const {
         return {
@@ -72,11 +78,11 @@ Frames smooth(const Frames& from, bool vertical) {
     return to;
 }
 
-/// The four moments of the tile of one window whose first sample is (top, left).
-std::array<double, 4> tile_moments(const Frames& x, size_t window, size_t top, size_t left,
-                                   double ridge) {
+/// The moments of the tile of one window whose first sample is (top, left).
+std::array<double, edi_moment_count> tile_moments(const Frames& x, size_t window, size_t top,
+                                                  size_t left, double ridge) {
     struct Sample {
-        std::array<double, 2> g, b;
+        std::array<double, 2> g, b, s;
         double d;
     };
     std::vector<Sample> samples;
@@ -84,10 +90,11 @@ std::array<double, 4> tile_moments(const Frames& x, size_t window, size_t top, s
     for (size_t row = top; row < std::min(top + side, x.height - 2); row += edi_sample_step) {
         for (size_t column = left; column < std::min(left + side, x.width - 2);
              column += edi_sample_step) {
-            const auto early = x.gradient(2 * window, row, column);
-            const auto late = x.gradient(2 * window + 1, row, column);
-            samples.push_back({{(early[0] + late[0]) / 2, (early[1] + late[1]) / 2},
+            const auto first = x.middle_gradient(0, row, column);
+            const auto last = x.middle_gradient(edi_windows - 1, row, column);
+            samples.push_back({x.middle_gradient(window, row, column),
                                x.gradient(x.count - 1, row, column),
+                               {last[0] - first[0], last[1] - first[1]},
                                x.at(2 * window + 1, row, column) - x.at(2 * window, row, column)});
         }
     }
@@ -103,7 +110,7 @@ std::array<double, 4> tile_moments(const Frames& x, size_t window, size_t top, s
     const double u = -(yy * xd - xy * yd) / (xx * yy - xy * xy);
     const double v = -(xx * yd - xy * xd) / (xx * yy - xy * xy);
     const double explained = dd > 0 ? std::clamp(-(u * xd + v * yd) / dd, 0.0, 1.0) : 0;
-    std::array<double, 4> moments{};
+    std::array<double, edi_moment_count> moments{};
     for (const Sample& s : samples) {
         const double rest = s.d + u * s.g[0] + v * s.g[1];
         const double still = u * s.b[0] + v * s.b[1];
@@ -111,6 +118,10 @@ std::array<double, 4> tile_moments(const Frames& x, size_t window, size_t top, s
         moments[1] += still * still;
         moments[2] += rest;
         moments[3] += std::abs(s.d);
+        const double whole = u * s.s[0] + v * s.s[1];
+        moments[4] += whole * rest;
+        moments[5] += whole * whole;
+        moments[6] += whole * still;
     }
     for (double& moment : moments) {
         moment *= explained;
@@ -190,13 +201,13 @@ std::vector<double> edi_moments(std::span<const float> blurry, const PackedEvent
     const double ridge =
         edi_motion_ridge * double{thresholds.positive} * double{thresholds.negative};
     const size_t plane = size_t{edi_windows} * shape.tiles();
-    std::vector<double> result(4 * plane);
+    std::vector<double> result(edi_moment_count * plane);
     for (uint32_t window = 0; window < edi_windows; ++window) {
         for (uint32_t tile = 0; tile < shape.tiles(); ++tile) {
             constexpr size_t side = size_t{edi_tile_samples} * edi_sample_step;
             const auto moments = tile_moments(frames, window, 2 + tile / shape.tile_columns * side,
                                               2 + tile % shape.tile_columns * side, ridge);
-            for (size_t m = 0; m < 4; ++m) {
+            for (size_t m = 0; m < edi_moment_count; ++m) {
                 result[m * plane + window * shape.tiles() + tile] = moments[m];
             }
         }

@@ -19,7 +19,7 @@ std::vector<double> edi(std::span<const float> blurry, const PackedEvents& event
                         std::span<const double> times, const EdiThresholds& thresholds);
 
 /// What record_edi_fields() and record_edi_moments() compute, from frames of ln(L + e) at both ends
-/// of every window: [4][edi_windows][tiles].
+/// of every window: [edi_moment_count][edi_windows][tiles].
 std::vector<double> edi_moments(std::span<const float> blurry, const PackedEvents& events,
                                 uint32_t width, uint32_t height, const EdiThresholds& thresholds);
 

@@ -139,9 +139,10 @@ void add_input(CLI::App& command, Options& o) {
         ->option_text("START END")
         ->group(group);
     command
-        .add_option("--lag", o.lag,
-                    "Of the events behind the frames, microseconds; auto: estimated from a "
-                    "recording's first exposures")
+        .add_option(
+            "--lag", o.lag,
+            "Of the events behind the frames, microseconds; auto: estimated from what moves "
+            "during the first exposures")
         ->option_text("US|auto [0]")
         ->group(group);
     command

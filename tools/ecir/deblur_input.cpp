@@ -1,10 +1,12 @@
 #include "tools/ecir/deblur_input.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <string>
 #include <vector>
 
 #include "layers/event_lag.hpp"
+#include "layers/frame_lag.hpp"
 #include "runtime/error.hpp"
 #include "tools/ecir/stopwatch.hpp"
 
@@ -80,21 +82,9 @@ Events copy_of(const EventView& events) {
             {events.p.begin(), events.p.end()}};
 }
 
-} // namespace
-
-io::Recording open_input(const DeblurJob& job) {
-    if (!is_recording(job)) {
-        return one_frame(job);
-    }
-    if (!job.events.empty() || job.exposure) {
-        refuse("-e and --exposure go with a single frame; a recording's folder holds both");
-    }
-    return io::open_recording(job.input);
-}
-
-std::optional<int64_t> estimate_lag(const io::Recording& recording) {
+std::optional<int64_t> lag_between_frames(const io::Recording& recording,
+                                          io::EventWindows& windows) {
     constexpr size_t kPairs = 8;
-    io::EventWindows windows(recording.events, io::EventWindows::Reading::sparse);
     std::optional<EventLagEstimator> estimator;
     std::vector<float> before;
     for (size_t i = 0; i < std::min(recording.items.size(), kPairs + 1); ++i) {
@@ -118,6 +108,57 @@ std::optional<int64_t> estimate_lag(const io::Recording& recording) {
         before = std::move(luminance);
     }
     return estimator ? estimator->estimate() : std::nullopt;
+}
+
+/// From single frames: the middle one of what the first three that tell say.
+std::optional<int64_t> lag_of_frames(const io::Recording& recording, io::EventWindows& windows,
+                                     int64_t guess, Device& device) {
+    constexpr size_t kFrames = 8;
+    constexpr size_t kEnough = 3;
+    std::vector<double> found;
+    for (size_t i = 0; i < std::min(recording.items.size(), kFrames) && found.size() < kEnough;
+         ++i) {
+        const auto& item = recording.items[i];
+        const io::Image image = io::read_image(item.image);
+        const auto reach =
+            std::llround(FrameLagEstimator::kReach * static_cast<double>(item.exposure.duration()));
+        const auto [events, number] =
+            windows.read({item.exposure.start + guess - reach, item.exposure.end + guess + reach});
+        io::check_inside(events, image.width, image.height, windows.path(), number);
+        if (std::min(image.width, image.height) < static_cast<int>(edi_smallest_side)) {
+            continue;
+        }
+        FrameLagEstimator estimator(device, static_cast<uint32_t>(image.width),
+                                    static_cast<uint32_t>(image.height));
+        if (const auto lag = estimator.estimate(io::luminance(image), events, item.exposure,
+                                                static_cast<double>(guess))) {
+            found.push_back(*lag);
+        }
+    }
+    if (found.empty()) {
+        return std::nullopt;
+    }
+    std::ranges::sort(found);
+    return std::llround(found[found.size() / 2]);
+}
+
+} // namespace
+
+io::Recording open_input(const DeblurJob& job) {
+    if (!is_recording(job)) {
+        return one_frame(job);
+    }
+    if (!job.events.empty() || job.exposure) {
+        refuse("-e and --exposure go with a single frame; a recording's folder holds both");
+    }
+    return io::open_recording(job.input);
+}
+
+std::optional<int64_t> estimate_lag(const io::Recording& recording, Device& device) {
+    io::EventWindows windows(recording.events, io::EventWindows::Reading::sparse);
+    const auto coarse = lag_between_frames(recording, windows);
+    const auto fine = lag_of_frames(recording, windows, coarse.value_or(0), device);
+    return fine ? fine : coarse;
 }
 
 ExposureReader::ExposureReader(const DeblurJob& job, const io::Recording& recording, int64_t lag)

@@ -24,9 +24,10 @@ struct LoadedExposure {
 /// Throws Error: usage for options that do not fit the input, bad_input as open_recording() does.
 io::Recording open_input(const DeblurJob& job);
 
-/// How late a recording's events are, from its first exposures (EventLagEstimator); none where they
-/// are too few, or nothing moves. Errors as for ExposureReader::read().
-std::optional<int64_t> estimate_lag(const io::Recording& recording);
+/// How late a recording's events are, microseconds, from its first exposures: roughly from one to
+/// the next where there are enough (EventLagEstimator), then from each by itself
+/// (FrameLagEstimator). None where too little moves. Errors as for ExposureReader::read().
+std::optional<int64_t> estimate_lag(const io::Recording& recording, Device& device);
 
 /// Reads a recording's exposures, images and events, one after another.
 class ExposureReader {

@@ -83,12 +83,12 @@ public:
 
     void operator()() {
         FrameOutput output(job_.output, job_.overwrite, frames_, kVideoFps);
+        device_ = open_device(job_.device, job_.precision);
         if (!job_.lag || !job_.report.empty()) {
-            lag_ = estimate_lag(recording_);
+            lag_ = estimate_lag(recording_, *device_);
         }
         tell_lag();
         ExposureReader reader(job_, recording_, job_.lag.value_or(lag_.value_or(0)));
-        device_ = open_device(job_.device, job_.precision);
         if (!job_.report.empty()) {
             report_.emplace(job_.report, job_.overwrite, *device_,
                             job_.lag.value_or(lag_.value_or(0)), lag_);
@@ -253,6 +253,12 @@ private:
         report.item = loaded.item;
         report.facts = loaded.facts;
         report.warnings = scene_warnings(loaded.facts, deblur_->travel_range());
+        if (lag_ && job_.lag) {
+            if (auto late = lag_warning(loaded.facts, loaded.exposure,
+                                        static_cast<double>(*lag_ - *job_.lag))) {
+                report.warnings.push_back(std::move(*late));
+            }
+        }
         report.thresholds_given = job_.deblur.thresholds.has_value();
         report.frames = frames;
         return report;
@@ -279,15 +285,10 @@ private:
     }
 
     void tell_lag() const {
-        constexpr int64_t kHarmless = 5000; // microseconds: well beyond the error of the estimate
         if (!job_.lag) {
             console_.note(lag_ ? "estimated lag of the events: " + std::to_string(*lag_) + " us"
-                               : "too few exposures with motion to tell how late the events are; "
-                                 "taking them as on time");
-        } else if (lag_ && std::abs(*lag_ - *job_.lag) > kHarmless) {
-            console_.warn("the events seem to be " + std::to_string(*lag_) +
-                          " us late against the frames, not " + std::to_string(*job_.lag) +
-                          "; frames keep ghosts of the ends; try --lag auto");
+                               : "too little motion to tell how late the events are; taking them "
+                                 "as on time");
         }
     }
 

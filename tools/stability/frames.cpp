@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <limits>
 
+#include "layers/frame_lag.hpp"
 #include "layers/scene_facts.hpp"
 #include "runtime/error.hpp"
 #include "weights/safetensors.hpp"
@@ -126,6 +127,11 @@ Found find_frames(const Lab& lab, const Method& method, const Capture& capture) 
     for (const SceneWarning& warning : scene_warnings(facts, deblur.travel_range())) {
         found.warnings.push_back(warning.name);
     }
+    FrameLagEstimator lags(*lab.device, capture.width, capture.height);
+    const auto lag = lags.estimate(capture.blurry, capture.events.view(), capture.exposure, 0);
+    if (lag && lag_warning(facts, capture.exposure, *lag)) {
+        found.warnings.push_back("late");
+    }
     return found;
 }
 
@@ -173,7 +179,9 @@ std::vector<Sweep> all_sweeps() {
     std::vector<Sweep> all;
     for (const Group& group : groups) {
         for (Sweep& sweep : group.make()) {
-            sweep.warnings = group.warnings;
+            if (sweep.warnings.empty()) {
+                sweep.warnings = group.warnings;
+            }
             all.push_back(std::move(sweep));
         }
     }

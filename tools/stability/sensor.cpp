@@ -203,8 +203,11 @@ std::vector<Sweep> sensor_sweeps() {
                 .x = {"delay of the events, ms"}};
     delay.values = {-10, -5, -2, -1, 0, 1, 2, 5, 10, 20, 40};
     delay.quick = {0, 5};
-    delay.safe = "finite frames; the scene is then sharp but displaced by the motion in the delay";
-    delay.promises = {{"", -10, 10}};
+    delay.safe =
+        "finite frames; the scene is then sharp but displaced by the motion in the delay, which "
+        "--lag auto finds";
+    delay.promises = {{"", -10, 40}};
+    delay.warnings = {"late"};
     sweeps.push_back(against_blurry(delay, late));
     return sweeps;
 }
