@@ -59,7 +59,9 @@ std::optional<double> FrameLagEstimator::estimate(std::span<const float> blurry,
         here = there;
     }
     const double error = -here.lag_error / slope;
-    const bool settled = std::abs(here.lag) < std::max(2 * kCloseEnough, 2 * here.lag_error);
+    // At the end of the reach the test may go on beyond it: at least so late, then.
+    const bool settled = std::abs(here.lag) < std::max(2 * kCloseEnough, 2 * here.lag_error) ||
+                         (std::abs(lag - start) >= kReach && (lag > start) == (here.lag > 0));
     return error < kLargestError && settled ? std::optional(lag * duration) : std::nullopt;
 }
 

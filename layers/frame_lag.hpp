@@ -15,7 +15,7 @@ namespace ecir {
 class FrameLagEstimator {
 public:
     /// Lags that can be found, as a share of the exposure to either side of a first guess.
-    static constexpr double kReach = 0.3;
+    static constexpr double kReach = 0.4;
 
     /// Throws Error(bad_input) for less than edi_smallest_side pixels a side.
     FrameLagEstimator(Device& device, uint32_t width, uint32_t height)
@@ -23,8 +23,9 @@ public:
 
     /// Microseconds. blurry: height x width values, 0 ... 1. guess: microseconds. events: sorted,
     /// inside the image, from kReach of the exposure before its start + guess to as much after its
-    /// end + guess; where those outside it are missing, a lag comes out too small. None where too
-    /// little moves to tell. Throws as pack_events() and EdiThresholdEstimator::estimate().
+    /// end + guess; where those outside it are missing, a lag comes out too small, as one beyond
+    /// kReach does. None where too little moves to tell. Throws as pack_events() and
+    /// EdiThresholdEstimator::estimate().
     std::optional<double> estimate(std::span<const float> blurry, const EventView& events,
                                    const Exposure& exposure, double guess);
 

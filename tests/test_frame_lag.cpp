@@ -61,14 +61,14 @@ private:
 } // namespace
 
 TEST_SUITE("frame lag") {
-    TEST_CASE("a single frame tells the lag of its events within 3 % of the exposure") {
+    TEST_CASE("a single frame tells the lag of its events within 4 % of the exposure") {
         for (const double travel : {6.0, 14.0}) {
             for (const int64_t lag : {-9'000, 0, 4'000, 12'000}) {
                 CAPTURE(travel);
                 CAPTURE(lag);
                 const auto found = Capture(travel, lag).lag();
                 REQUIRE(found.has_value());
-                CHECK(std::abs(*found - static_cast<double>(lag)) < 0.03 * kExposed);
+                CHECK(std::abs(*found - static_cast<double>(lag)) < 0.04 * kExposed);
             }
         }
     }
@@ -76,7 +76,7 @@ TEST_SUITE("frame lag") {
     TEST_CASE("a guess takes it beyond its own reach") {
         const auto found = Capture(12, 40'000).lag(35'000);
         REQUIRE(found.has_value());
-        CHECK(std::abs(*found - 40'000) < 0.03 * kExposed);
+        CHECK(std::abs(*found - 40'000) < 0.04 * kExposed);
     }
 
     TEST_CASE("nothing is claimed where nothing moves, and small sensors are refused") {

@@ -208,7 +208,7 @@ std::vector<double> edi_moments(std::span<const float> blurry, const PackedEvent
             const auto moments = tile_moments(frames, window, 2 + tile / shape.tile_columns * side,
                                               2 + tile % shape.tile_columns * side, ridge);
             for (size_t m = 0; m < edi_moment_count; ++m) {
-                result[m * plane + window * shape.tiles() + tile] = moments[m];
+                result[m * plane + size_t{window} * shape.tiles() + tile] = moments[m];
             }
         }
     }
