@@ -30,8 +30,8 @@
 //   output rows at once (F(4, 3)) need half the products, but more additions and 6 CB accumulators: 54;
 // - channels of a row follow each other at a distance that is a specialization constant, so that all loads
 //   of a row need one address; with distances from push constants each load costs six instructions for
-//   its address, and the layer takes 1.8 times as long. The pitch is rounded up (conv_layout()), so that a
-//   pipeline serves many sizes;
+//   its address, and the layer takes 1.8 times as long. The pitch is of few values (row_pixels()), so that a
+//   pipeline serves many layers and sizes;
 // - weights come four a load: not faster, but the driver compiles in 0.7 instead of 2 s;
 // - S 2: every second pixel out of two vectors by shuffles with known lanes, which LLVM turns into a join
 //   and a truncation of 64-bit numbers; 5x5 16 -> 32 takes 7.2 ms, 12 ms with strided loads. Odd columns
