@@ -6,6 +6,7 @@
 #include <span>
 
 #include "layers/deblur.hpp"
+#include "layers/ecir.hpp"
 #include "runtime/error.hpp"
 #include "tools/ecir/bench_timing.hpp"
 #include "tools/ecir/image_files.hpp"
@@ -112,22 +113,28 @@ std::vector<metrics::Figures> compare(const Work& work, const ChartScene& scene,
     return figures;
 }
 
-/// The values of --refine to compare; unset: as trained.
-std::vector<std::optional<uint32_t>> refinements(const std::string& model, uint32_t most) {
-    const std::string kind = model == "edi" ? "" : SafeTensors(find_model(model)).meta("model");
-    std::vector<std::optional<uint32_t>> values;
+/// A model with the values of --refine to compare; unset: as trained.
+std::vector<ChartPoint> refinements(const std::string& model, uint32_t most) {
+    if (model == "edi") {
+        return {{}};
+    }
+    const SafeTensors weights(find_model(model));
+    const std::string kind = weights.meta("model");
+    std::vector<ChartPoint> made;
     if (kind == "ecir") {
-        for (uint32_t n = 0; n <= most; ++n) {
-            values.emplace_back(n);
+        for (uint32_t iterations = 0; iterations <= most; ++iterations) {
+            ChartPoint& point = made.emplace_back();
+            point.keypoints = EcirConfig(weights).keypoints;
+            point.refine = iterations;
         }
-        return values;
+        return made;
     }
-    values.emplace_back(std::nullopt);
+    made.emplace_back();
     if (kind == "fusion") {
-        values.emplace_back(0);
-        values.emplace_back(1);
+        made.emplace_back().refine = 0;
+        made.emplace_back().refine = 1;
     }
-    return values;
+    return made;
 }
 
 } // namespace
@@ -175,9 +182,7 @@ std::vector<ChartPoint> chart_configurations(const std::vector<std::string>& mod
                     made.emplace_back().quality = quality;
                 }
             } else {
-                for (const auto& refine : refinements(model, most_refine)) {
-                    made.emplace_back().refine = refine;
-                }
+                made = refinements(model, most_refine);
             }
             for (const Precision precision : precisions) {
                 for (ChartPoint& point : made) {

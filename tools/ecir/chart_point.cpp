@@ -6,6 +6,13 @@
 #include "tools/ecir/precision.hpp"
 
 namespace ecir::cli {
+namespace {
+
+std::string text_of(const std::optional<uint32_t>& number) {
+    return number ? std::to_string(*number) : "";
+}
+
+} // namespace
 
 std::string ChartPoint::name() const {
     std::string text = model;
@@ -41,19 +48,17 @@ std::vector<bool> pareto_front(std::span<const ChartPoint> points, ChartValue co
 }
 
 void to_json(nlohmann::ordered_json& json, const ChartPoint& point) {
-    json = {{"name", point.name()},
-            {"model", point.model},
-            {"quality", nullptr},
-            {"refine", nullptr},
-            {"precision", precision_name(point.precision)},
-            {"scale", point.scale},
-            {"psnr", point.psnr},
-            {"ssim", point.ssim},
-            {"gflop", point.gflop},
-            {"ms", point.ms},
-            {"ms_most", point.ms_most}};
+    json = {{"name", point.name()}, {"model", point.model},
+            {"quality", nullptr},   {"keypoints", nullptr},
+            {"refine", nullptr},    {"precision", precision_name(point.precision)},
+            {"scale", point.scale}, {"psnr", point.psnr},
+            {"ssim", point.ssim},   {"gflop", point.gflop},
+            {"ms", point.ms},       {"ms_most", point.ms_most}};
     if (point.quality) {
         json["quality"] = quality_name(*point.quality);
+    }
+    if (point.keypoints) {
+        json["keypoints"] = *point.keypoints;
     }
     if (point.refine) {
         json["refine"] = *point.refine;
@@ -61,14 +66,15 @@ void to_json(nlohmann::ordered_json& json, const ChartPoint& point) {
 }
 
 std::string to_csv(std::span<const ChartPoint> points) {
-    std::string text = "model,quality,refine,precision,scale,psnr_db,ssim,gflop,ms,ms_most,front\n";
+    std::string text =
+        "model,quality,keypoints,refine,precision,scale,psnr_db,ssim,gflop,ms,ms_most,front\n";
     const auto front = pareto_front(points, &ChartPoint::ms, &ChartPoint::psnr);
     for (size_t i = 0; i < points.size(); ++i) {
         const ChartPoint& point = points[i];
         char line[256];
-        std::snprintf(line, sizeof line, "%s,%s,%s,%s,%g,%.3f,%.4f,%.4g,%.4g,%.4g,%d\n",
+        std::snprintf(line, sizeof line, "%s,%s,%s,%s,%s,%g,%.3f,%.4f,%.4g,%.4g,%.4g,%d\n",
                       point.model.c_str(), point.quality ? quality_name(*point.quality) : "",
-                      point.refine ? std::to_string(*point.refine).c_str() : "",
+                      text_of(point.keypoints).c_str(), text_of(point.refine).c_str(),
                       precision_name(point.precision), point.scale, point.psnr, point.ssim,
                       point.gflop, point.ms, point.ms_most, front[i] ? 1 : 0);
         text += line;

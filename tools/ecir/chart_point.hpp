@@ -14,7 +14,8 @@ namespace ecir::cli {
 /// A way to run `ecir deblur`, with what it gives and costs: a point of the chart.
 struct ChartPoint {
     std::string model;
-    std::optional<uint32_t> refine; ///< unset: as trained
+    std::optional<uint32_t> keypoints; ///< n of a curve, which its network was trained for
+    std::optional<uint32_t> refine;    ///< unset: as trained
     /// Of the model `auto`, which computes only what moves; all others compute the whole image.
     std::optional<Quality> quality;
     Precision precision = Precision::float32;

@@ -48,7 +48,7 @@ int run(int argc, char** argv) {
     app.require_subcommand(1);
     app.footer(
         "Example: a scene, its sharp video, and how close it is to the truth\n"
-        "  ecir simulate -i still.png -o scene\n"
+        "  ecir simulate -i still.png -o scene --travel 20\n"
         "  ecir deblur -i scene -o sharp\n"
         "  ecir eval --truth scene/truth --prediction sharp\n"
         "\n"

@@ -95,8 +95,8 @@ std::vector<Sweep> light_sweeps() {
                  .x = {"brightness of the scene", cli::svg::Spread::listed}};
     bright.values = {1, 1.2, 1.5, 2, 3, 5, 10};
     bright.quick = {1.5};
-    bright.safe = "finite frames; where the frame is clipped its mean is not the scene's, which "
-                  "needs a warning";
+    bright.safe = "finite frames; where the frame is clipped its mean is not the scene's: "
+                  "warned of as saturated";
     bright.promises = {{"", 1, 3}};
     sweeps.push_back(against_blurry(bright, constant_light));
 
@@ -105,7 +105,7 @@ std::vector<Sweep> light_sweeps() {
                  .x = {"its brightness, 1: the frame's white", cli::svg::Spread::listed}};
     moving.values = {0.5, 1, 1.5, 2, 4, 8, 16};
     moving.quick = {2};
-    moving.safe = "finite frames; trails of clipped lamps need a warning";
+    moving.safe = "finite frames; trails of clipped lamps are warned of as saturated";
     moving.promises = {{"", 0.5, 16}};
     sweeps.push_back(against_blurry(moving, lamp));
 
@@ -116,7 +116,7 @@ std::vector<Sweep> light_sweeps() {
                     .x = {"modulation of their light"}};
         lamps.values = {0, 0.05, 0.1, 0.2, 0.3, 0.5, 0.8};
         lamps.quick = {0.1};
-        lamps.safe = "finite frames; flicker gives events without motion, which need a warning";
+        lamps.safe = "finite frames; flicker gives events without motion: warned of as flicker";
         lamps.promises = {{"", 0, 0.2}};
         sweeps.push_back(against_blurry(lamps, flicker(hertz)));
     }
@@ -128,7 +128,7 @@ std::vector<Sweep> light_sweeps() {
     change.values = {0.25, 0.5, 0.7, 0.85, 1, 1.2, 1.4, 2, 4};
     change.quick = {0.7, 1.4};
     change.safe = "finite frames; the estimate of the thresholds takes the signs' balance for "
-                  "theirs, which needs a warning";
+                  "theirs; warned of as one-sign where over 85 % of the events have one";
     change.promises = {{"", 0.25, 4}};
     sweeps.push_back(against_blurry(change, drift));
     return sweeps;
