@@ -72,10 +72,7 @@ void record_consistency(Program& program, const Tensor& frame, const Tensor& pri
 
 void record_consistent(Program& program, const Tensor& state, const Tensor& frames) {
     const Tensor change = record_smooth(program, kSmooth, state.channels(0, 1));
-    for (uint32_t i = 0; i < frames.layout().channels; ++i) {
-        const Tensor frame = frames.channels(i, 1);
-        record_add(program, frame, change, frame);
-    }
+    record_add(program, frames, change, frames);
 }
 
 } // namespace ecir

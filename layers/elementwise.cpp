@@ -30,11 +30,15 @@ bool is_alike(const Tensor& operand, const Layout& result) {
 void record(Program& program, Operator op, float operations, const Tensor& a, const Tensor& b,
             const Tensor& result) {
     const Layout& layout = result.layout();
-    require_shapes(is_alike(a, layout) && is_alike(b, layout), "elementwise", {a, b, result});
+    const bool shared = op != Operator::sigmoid && layout.block == 1 && b.layout().block == 1 &&
+                        has_shape(b, 1, layout.height, layout.width);
+    require_shapes(is_alike(a, layout) && (shared || is_alike(b, layout)), "elementwise",
+                   {a, b, result});
     Layout largest = layout;
     for (const Tensor* operand : {&a, &b}) {
         if (operand->layout().plane_stride() > largest.plane_stride()) {
             largest = operand->layout();
+            largest.channels = layout.channels;
         }
     }
     const std::array<uint32_t, 2> constants{static_cast<uint32_t>(op), kSpan};
@@ -43,12 +47,14 @@ void record(Program& program, Operator op, float operations, const Tensor& a, co
          channel_groups(program.device().info(), largest, layout.block)) {
         const Tensor target = result.channels(first, count);
         const Tensor left = a.channels(first, count);
-        const Tensor right = b.channels(first, count);
+        const Tensor right = shared ? b : b.channels(first, count);
+        PushLayout right_layout(right);
+        right_layout.plane = shared ? 0 : right_layout.plane;
         Dispatch dispatch;
         dispatch.kernel = &kernel;
         dispatch.arguments = {read(left), read(right), update(target)};
         dispatch.set_push(
-            Push{PushLayout(left), PushLayout(right), PushLayout(target), layout.width, count});
+            Push{PushLayout(left), right_layout, PushLayout(target), layout.width, count});
         dispatch.groups = {(layout.width * layout.block + 64 * kSpan - 1) / (64 * kSpan),
                            layout.height, target.layout().blocks()};
         const double elements = double{1} * count * layout.height * layout.width;

@@ -14,7 +14,8 @@ void record_sigmoid(Program& program, const Tensor& a, const Tensor& result);
 /// Records result = a b.
 void record_multiply(Program& program, const Tensor& a, const Tensor& b, const Tensor& result);
 
-/// Records result = a + b, or max(a + b, 0).
+/// Records result = a + b, or max(a + b, 0). b may also be one channel that each of a's gets; block
+/// 1 then.
 void record_add(Program& program, const Tensor& a, const Tensor& b, const Tensor& result,
                 bool relu = false);
 

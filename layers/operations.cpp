@@ -41,7 +41,7 @@ constexpr std::array kOperations = {
     Operation{"refine_state", 1e-6, "one float32 difference", 8, refine_state_trial, 1},
     Operation{"refine_update", 1e-5, "float32 sums of 9 products", 8, refine_update_trial, 1},
     Operation{"refine_largest", 1e-5, "float32 sums of 9 products", 9, refine_largest_trial},
-    Operation{"elementwise", 1e-6, "one float32 operation, or an exponential", 10,
+    Operation{"elementwise", 1e-6, "one float32 operation, or an exponential", 12,
               elementwise_trial, 2},
     Operation{"edi", 1e-5, "float32 sums of exponentials, one an event", 10, edi_trial, 1},
     Operation{"edi_moments", 1e-5, "float32 sums of squares", 4, edi_moments_trial, 1},

@@ -1,5 +1,6 @@
 #include "runtime/instance.hpp"
 
+#include <array>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
@@ -69,17 +70,24 @@ Instance::Instance() {
     application.pApplicationName = "ecir";
     application.apiVersion = VK_API_VERSION_1_2;
 
-    const char* extension = VK_EXT_DEBUG_UTILS_EXTENSION_NAME;
+    constexpr std::array kExtensions{VK_EXT_DEBUG_UTILS_EXTENSION_NAME,
+                                     VK_EXT_VALIDATION_FEATURES_EXTENSION_NAME};
     const auto debug = messenger_info();
+    constexpr auto kSynchronization = VK_VALIDATION_FEATURE_ENABLE_SYNCHRONIZATION_VALIDATION_EXT;
+    VkValidationFeaturesEXT features{};
+    features.sType = VK_STRUCTURE_TYPE_VALIDATION_FEATURES_EXT;
+    features.pNext = &debug;
+    features.enabledValidationFeatureCount = 1;
+    features.pEnabledValidationFeatures = &kSynchronization;
     VkInstanceCreateInfo info{};
     info.sType = VK_STRUCTURE_TYPE_INSTANCE_CREATE_INFO;
     info.pApplicationInfo = &application;
     if (validation) {
-        info.pNext = &debug;
+        info.pNext = &features;
         info.enabledLayerCount = 1;
         info.ppEnabledLayerNames = &kValidationLayer;
-        info.enabledExtensionCount = 1;
-        info.ppEnabledExtensionNames = &extension;
+        info.enabledExtensionCount = static_cast<uint32_t>(kExtensions.size());
+        info.ppEnabledExtensionNames = kExtensions.data();
     }
     const VkResult made = vkCreateInstance(&info, nullptr, &instance_);
     if (made == VK_ERROR_INCOMPATIBLE_DRIVER) {

@@ -7,7 +7,8 @@
 
 namespace ecir {
 
-/// The Vulkan instance, with the Khronos validation layer when ECIR_VALIDATION=1.
+/// The Vulkan instance, with the Khronos validation layer when ECIR_VALIDATION=1, which then also
+/// looks for missing barriers (of what kernels reach by address it sees nothing).
 class Instance {
 public:
     Instance();

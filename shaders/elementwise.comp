@@ -6,7 +6,8 @@
 //     OP 0: result = 1 / (1 + exp(-a))      OP 1: result = a b      OP 2: result = a + b
 //     OP 3: result = max(a + b, 0)
 //
-// a, b       any layout of the result's block; b is not read by OP 0
+// a, b       any layout of the result's block; b is not read by OP 0; its plane stride is 0 where one channel
+//            serves all (block 1)
 // result     may be a or b; the halo and what fills up the last block are left alone
 // Bindings: 0 a, 1 b, 2 result.
 // Precondition: width block <= 64 SPAN groups.x, height = groups.y, one block of channels a groups.z.

@@ -18,10 +18,11 @@ struct Case {
     uint32_t block;                ///< 0 for the device's
     std::array<uint32_t, 3> halos; ///< of a, b and the result
     bool in_place;                 ///< the result is a
+    bool shared = false;           ///< b is one channel
 };
 
 /// The last two: as in eSL-Net.
-constexpr std::array<Case, 12> cases = {{
+constexpr std::array<Case, 14> cases = {{
     {Operator::sigmoid, 40, 7, 19, 8, {0, 0, 0}, true},
     {Operator::sigmoid, 5, 3, 33, 8, {1, 0, 2}, false},
     {Operator::sigmoid, 1, 1, 1, 1, {0, 0, 0}, false},
@@ -32,6 +33,8 @@ constexpr std::array<Case, 12> cases = {{
     {Operator::add, 1, 1, 1, 8, {0, 0, 1}, false},
     {Operator::add_relu, 20, 11, 32, 8, {1, 0, 1}, true},
     {Operator::add_relu, 7, 4, 31, 4, {0, 2, 1}, false},
+    {Operator::add, 14, 9, 7, 1, {0, 0, 0}, true, true},
+    {Operator::multiply, 5, 3, 66, 1, {1, 2, 0}, false, true},
     {Operator::multiply, 40, 180, 240, 0, {0, 0, 1}, false},
     {Operator::add, 128, 180, 240, 0, {1, 0, 1}, true},
 }};
@@ -40,7 +43,8 @@ std::string describe(const Case& shape) {
     constexpr std::array<const char*, 4> kNames = {"sigmoid ", "multiply ", "add ", "add, relu "};
     return kNames.at(static_cast<size_t>(shape.op)) + std::to_string(shape.channels) + "x" +
            std::to_string(shape.height) + "x" + std::to_string(shape.width) + " block " +
-           std::to_string(shape.block) + (shape.in_place ? " in place" : "");
+           std::to_string(shape.block) + (shape.in_place ? " in place" : "") +
+           (shape.shared ? " one channel for all" : "");
 }
 
 double expected(Operator op, double a, double b) {
@@ -73,7 +77,9 @@ Trial elementwise_trial(Device& device, uint32_t trial) {
                       shape.halos.at(which)};
     };
     const Tensor a = program.input(layout(0));
-    const Tensor b = sigmoid ? a : program.input(layout(1));
+    Layout second_layout = layout(1);
+    second_layout.channels = shape.shared ? 1 : shape.channels;
+    const Tensor b = sigmoid ? a : program.input(second_layout);
     result.output = program.output(layout(2));
     program.clear(result.output);
     const Tensor& left = shape.in_place ? result.output : a;
@@ -101,11 +107,12 @@ Trial elementwise_trial(Device& device, uint32_t trial) {
         first.front() = -100;
         first.back() = 100;
     }
-    const auto second = sigmoid ? first : random.values(count, -4, 4);
+    const size_t given = shape.shared ? size_t{shape.height} * shape.width : count;
+    const auto second = sigmoid ? first : random.values(given, -4, 4);
     program.write(a, from_dense(a.layout(), first));
     program.write(b, from_dense(b.layout(), second));
     for (size_t i = 0; i < count; ++i) {
-        result.reference.push_back(expected(shape.op, first[i], second[i]));
+        result.reference.push_back(expected(shape.op, first[i], second[i % given]));
     }
     return result;
 }
