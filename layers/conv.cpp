@@ -70,8 +70,8 @@ std::string explain_float16(const DeviceInfo& info) {
                               std::to_string(matrices.k) + " (" +
                               std::string(form_name(matrices.form)) + ")";
     if (!use_matrices(info, matrices.n)) {
-        return "yes, by conv_tile_half.comp: ECIR_CONV=tile, or too little shared memory for "
-               "cooperative matrices " +
+        return "yes, by conv_tile_half.comp: ECIR_CONV=tile, or too little shared memory or "
+               "workgroups too small for cooperative matrices " +
                shape;
     }
     return "yes, by cooperative matrices " + shape + " (shaders/conv_matrix.glsl) from " +
@@ -88,7 +88,9 @@ ConvFamily conv_family(const DeviceInfo& info) {
 
 bool use_matrices(const DeviceInfo& info, uint32_t out_channels) {
     return info.matrices.form != Matrices::Form::none && wanted() != "tile" &&
-           info.max_shared_bytes >= kMatrixSharedBytes && out_channels >= info.matrices.n;
+           info.max_shared_bytes >= kMatrixSharedBytes &&
+           info.max_invocations >= conv_tile_lines * info.subgroup_size &&
+           out_channels >= info.matrices.n;
 }
 
 void check_precision(const DeviceInfo& info, Precision precision) {

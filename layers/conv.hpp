@@ -26,6 +26,10 @@ constexpr uint64_t kConvUniformSlice =
 /// what a GPU would run.
 ConvFamily conv_family(const DeviceInfo& info);
 
+/// Lines of invocations in a workgroup of the tile family: LY of shaders/conv_tile.glsl, LINES, of
+/// a subgroup each, of conv_matrix.glsl.
+inline constexpr uint32_t conv_tile_lines = 4;
+
 /// Whether float16 convolutions with so many output channels go through cooperative matrices: where
 /// the device has them, for at least a matrix's columns of channels; with ECIR_CONV=tile none do.
 bool use_matrices(const DeviceInfo& info, uint32_t out_channels);

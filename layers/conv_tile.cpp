@@ -31,14 +31,13 @@ struct TilePush {
 static_assert(sizeof(TilePush) == 60);
 
 constexpr uint32_t kTileColumns = 16; ///< of pixels, LX of shaders/conv_tile.glsl
-constexpr uint32_t kTileLines = 4;    ///< of invocations, LY there; LINES of conv_matrix.glsl
 
 /// Output rows of an invocation, or of a subgroup's matrices, `most` at most. The more the fewer
 /// loads a multiply-add, but a large GPU wants some 256 workgroups before anything else.
 uint32_t tile_rows(uint32_t height, uint32_t columns, uint32_t groups, uint32_t most) {
     constexpr uint32_t kEnough = 256;
     for (uint32_t rows = most; rows > 1; rows /= 2) {
-        if (columns * ceil_div(height, kTileLines * rows) * groups >= kEnough) {
+        if (columns * ceil_div(height, conv_tile_lines * rows) * groups >= kEnough) {
             return rows;
         }
     }
@@ -100,7 +99,7 @@ void Conv::record_tile(Program& program, std::span<const Tensor> inputs, const T
                                             in.block,       step(),         rows};
             if (matrices_) {
                 constants.insert(constants.end(), {shape.m, shape.n, shape.k, matrices_across(),
-                                                   kTileLines * device_.info().subgroup_size});
+                                                   conv_tile_lines * device_.info().subgroup_size});
             }
             Dispatch dispatch;
             dispatch.kernel = &device_.kernel(shader, constants, 6, sizeof(TilePush));
@@ -111,7 +110,7 @@ void Conv::record_tile(Program& program, std::span<const Tensor> inputs, const T
                                   ecir::read(init),
                                   update(output)};
             dispatch.set_push(push);
-            dispatch.groups = {columns, ceil_div(push.height, kTileLines * rows), blocks};
+            dispatch.groups = {columns, ceil_div(push.height, conv_tile_lines * rows), blocks};
             const double outputs = double{1} * push.width * push.height * desc_.out_channels;
             dispatch.flops = 2.0 * outputs * in.channels * static_cast<double>(phase.taps.size());
             dispatch.bytes = 4.0 * (double{1} * in.height * in.width * in.channels +

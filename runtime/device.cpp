@@ -27,11 +27,14 @@ const char* type_name(VkPhysicalDeviceType type) {
     }
 }
 
+/// Storage buffers that the kernels with most of them bind (shaders/prior.comp, prior_frame.comp).
+constexpr uint32_t kStorageBuffers = 9;
+
 /// Order of preference for the default: the lower the better.
-int rank(const DeviceInfo& info) {
+std::pair<bool, ptrdiff_t> rank(const DeviceInfo& info) {
     constexpr std::array<const char*, 5> kOrder = {"discrete GPU", "integrated GPU", "virtual GPU",
                                                    "other", "CPU"};
-    return static_cast<int>(std::ranges::find(kOrder, info.type) - kOrder.begin());
+    return {!info.lacks.empty(), std::ranges::find(kOrder, info.type) - kOrder.begin()};
 }
 
 std::string lower(std::string text) {
@@ -57,6 +60,22 @@ uint32_t compute_family(VkPhysicalDevice physical) {
         }
     }
     return UINT32_MAX;
+}
+
+/// What of it a device has too little of.
+std::string lacking(const VkPhysicalDeviceProperties& properties, bool has_queue,
+                    uint32_t storage_buffers) {
+    if (properties.apiVersion < VK_API_VERSION_1_1) {
+        return "Vulkan 1.1";
+    }
+    if (!has_queue) {
+        return "a compute queue";
+    }
+    if (storage_buffers < kStorageBuffers) {
+        return std::to_string(kStorageBuffers) + " storage buffers a kernel (it has " +
+               std::to_string(storage_buffers) + "), so some models do not run on it";
+    }
+    return {};
 }
 
 DeviceInfo describe(VkInstance instance, VkPhysicalDevice physical, uint32_t index) {
@@ -108,8 +127,13 @@ DeviceInfo describe(VkInstance instance, VkPhysicalDevice physical, uint32_t ind
     }
     info.timestamp_ns = static_cast<double>(basic.limits.timestampPeriod);
     const uint32_t family = compute_family(physical);
-    info.timestamps =
-        family != UINT32_MAX && queue_families(physical)[family].timestampValidBits > 0;
+    const bool has_queue = family != UINT32_MAX;
+    const uint32_t bits = has_queue ? queue_families(physical)[family].timestampValidBits : 0;
+    info.timestamp_mask = bits == 0 ? 0 : UINT64_MAX >> (64 - bits);
+    info.max_storage_buffers = std::min(basic.limits.maxPerStageDescriptorStorageBuffers,
+                                        basic.limits.maxDescriptorSetStorageBuffers);
+    info.max_invocations = basic.limits.maxComputeWorkGroupInvocations;
+    info.lacks = lacking(basic, has_queue, info.max_storage_buffers);
     info.max_storage_range = basic.limits.maxStorageBufferRange;
     info.max_uniform_range = basic.limits.maxUniformBufferRange;
     info.max_shared_bytes = basic.limits.maxComputeSharedMemorySize;
@@ -194,8 +218,11 @@ Device::Device(std::shared_ptr<Instance> instance, VkPhysicalDevice physical, De
       precision_(precision) {
     vkGetPhysicalDeviceMemoryProperties(physical_, &memory_);
     queue_family_ = compute_family(physical_);
-    if (queue_family_ == UINT32_MAX) {
-        throw Error(ExitCode::device, info_.name + " has no compute queue; choose another with -g");
+    VkPhysicalDeviceProperties properties{};
+    vkGetPhysicalDeviceProperties(physical_, &properties);
+    if (queue_family_ == UINT32_MAX || properties.apiVersion < VK_API_VERSION_1_1) {
+        throw Error(ExitCode::device,
+                    info_.name + " lacks " + info_.lacks + "; choose another with -g");
     }
     const float priority = 1;
     VkDeviceQueueCreateInfo queue{};
@@ -299,7 +326,11 @@ void Device::start(std::span<const VkCommandBuffer> commands, VkFence fence) {
         info.commandBufferCount = 1;
         info.pCommandBuffers = &commands[i];
         const bool last = i + 1 == commands.size();
-        vk_check(vkQueueSubmit(queue_, 1, &info, last ? fence : VK_NULL_HANDLE), "vkQueueSubmit");
+        const VkResult result = vkQueueSubmit(queue_, 1, &info, last ? fence : VK_NULL_HANDLE);
+        if (result != VK_SUCCESS) { // those before it are under way, which nobody would wait for
+            (void)vkQueueWaitIdle(queue_);
+            vk_check(result, "vkQueueSubmit");
+        }
     }
 }
 

@@ -28,15 +28,18 @@ struct DeviceInfo {
     std::string driver; ///< driver name and version
     bool is_cpu = false;
     bool is_default = false;
+    std::string lacks; ///< what it has too little of for this library; empty: nothing
     uint32_t subgroup_size = 0;
     bool buffer_address = false; ///< bufferDeviceAddress and shaderInt64
     bool storage16 = false;      ///< 16-bit values in storage buffers
     bool float16 = false;        ///< float16 arithmetic
     Matrices matrices;           ///< cooperative ones
-    bool timestamps = false;
-    double timestamp_ns = 1; ///< nanoseconds a timestamp tick
+    uint64_t timestamp_mask = 0; ///< the bits of a timestamp that count; 0: it has none
+    double timestamp_ns = 1;     ///< nanoseconds a timestamp tick
     uint64_t max_storage_range = 0;
     uint64_t max_uniform_range = 0;
+    uint32_t max_storage_buffers = 0; ///< that a kernel binds
+    uint32_t max_invocations = 0;     ///< of a workgroup
     uint32_t max_push_bytes = 0;
     uint32_t max_shared_bytes = 0;        ///< shared memory of a workgroup
     std::array<uint32_t, 3> max_groups{}; ///< workgroups of a dispatch along x, y and z
@@ -55,7 +58,8 @@ inline bool has_float16(const DeviceInfo& info) {
 class Device {
 public:
     /// All devices, the default one marked: a discrete GPU, else an integrated or virtual one, else
-    /// a CPU driver. Throws Error(device) saying what to install when there is none.
+    /// a CPU driver; one that lacks something only where all do. Throws Error(device) saying what
+    /// to install when there is none.
     static std::vector<DeviceInfo> list();
 
     /// Opens the default device, or the one whose index or part of whose name `selector` is
@@ -94,7 +98,8 @@ public:
     [[nodiscard]] uint32_t memory_type(uint32_t types, VkMemoryPropertyFlags wanted,
                                        VkMemoryPropertyFlags liked) const;
 
-    /// Runs command buffers in order, one submission each, and waits for the last.
+    /// Runs command buffers in order, one submission each, and waits for the last. Where this
+    /// throws none of them is under way.
     void submit(std::span<const VkCommandBuffer> commands);
     /// The same without waiting: `fence`, which is not signalled yet, will be after the last.
     void start(std::span<const VkCommandBuffer> commands, VkFence fence);

@@ -157,6 +157,15 @@ Kernel::Kernel(Device& device, std::string_view name, std::span<const uint32_t> 
                              " push-constant bytes, " + device.info().name + " has " +
                              std::to_string(device.info().max_push_bytes));
     }
+    const auto storage =
+        std::ranges::count(reflection_.bindings, false, &Reflection::Binding::uniform);
+    if (storage > device.info().max_storage_buffers) {
+        throw Error(ExitCode::device, "kernel " + name_ + " binds " + std::to_string(storage) +
+                                          " storage buffers, but " + device.info().name +
+                                          " binds at most " +
+                                          std::to_string(device.info().max_storage_buffers) +
+                                          "; choose another model (-m) or another device (-g)");
+    }
     const VkDevice vk = device.handle();
 
     std::vector<VkDescriptorSetLayoutBinding> bindings;

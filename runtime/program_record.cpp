@@ -14,10 +14,11 @@ namespace {
 /// A submission ends after this much estimated work: desktop drivers give up on seconds-long ones.
 constexpr double kSubmissionSeconds = 0.25;
 
-double estimated_seconds(const Dispatch& dispatch, bool cpu) {
+double estimated_seconds(const Dispatch& dispatch, const DeviceInfo& device) {
     // Deliberately slow guesses, so that a submission stays short on weak devices as well.
-    const double flops = cpu ? 10e9 : 200e9;
-    const double bytes = cpu ? 5e9 : 50e9;
+    const bool fast = device.type == "discrete GPU";
+    const double flops = fast ? 200e9 : 10e9;
+    const double bytes = fast ? 50e9 : 5e9;
     return dispatch.flops / flops + dispatch.bytes / bytes + 5e-6;
 }
 
@@ -241,7 +242,7 @@ Program::Recording Program::record(const Staging& staging, VkQueryPool queries) 
             open.clear();
         }
         open.insert(open.end(), touched.begin(), touched.end());
-        const double cost = estimated_seconds(steps_[index].dispatch, device_.info().is_cpu);
+        const double cost = estimated_seconds(steps_[index].dispatch, device_.info());
         if (seconds > 0 && seconds + cost > kSubmissionSeconds) {
             vk_check(vkEndCommandBuffer(commands), "vkEndCommandBuffer");
             begin();
@@ -302,7 +303,8 @@ void Program::run() {
 }
 
 std::vector<DispatchTime> Program::profile() {
-    if (!device_.info().timestamps) {
+    const uint64_t mask = device_.info().timestamp_mask;
+    if (mask == 0) {
         throw Error(ExitCode::device, device_.info().name + " has no timestamps to profile with");
     }
     const auto count = static_cast<uint32_t>(steps_.size()) + 1;
@@ -322,10 +324,10 @@ std::vector<DispatchTime> Program::profile() {
     std::vector<DispatchTime> times;
     for (size_t i = 0; i < steps_.size(); ++i) {
         const Dispatch& dispatch = steps_[i].dispatch;
-        times.push_back(
-            {dispatch.label,
-             static_cast<double>(ticks[i + 1] - ticks[i]) * device_.info().timestamp_ns * 1e-6,
-             dispatch.flops, dispatch.bytes});
+        times.push_back({dispatch.label,
+                         static_cast<double>((ticks[i + 1] - ticks[i]) & mask) *
+                             device_.info().timestamp_ns * 1e-6,
+                         dispatch.flops, dispatch.bytes});
     }
     return times;
 }

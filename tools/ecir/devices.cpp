@@ -38,7 +38,8 @@ void run(bool as_json) {
                             {"storage16", device.storage16},
                             {"float16", device.float16},
                             {"matrices", matrices(device)},
-                            {"timestamps", device.timestamps},
+                            {"timestamps", device.timestamp_mask != 0},
+                            {"lacks", device.lacks},
                             {"memory_bytes", device.heap_bytes},
                             {"max_storage_range", device.max_storage_range}});
         }
@@ -52,7 +53,10 @@ void run(bool as_json) {
                     "matrices %s, timestamps %s\n",
                     static_cast<double>(device.heap_bytes) / (1U << 30), device.subgroup_size,
                     device.storage16 ? "yes" : "no", device.float16 ? "yes" : "no",
-                    matrices(device).c_str(), device.timestamps ? "yes" : "no");
+                    matrices(device).c_str(), device.timestamp_mask != 0 ? "yes" : "no");
+        if (!device.lacks.empty()) {
+            std::printf("   lacks %s\n", device.lacks.c_str());
+        }
         if (device.is_default) {
             std::printf("   %s\n", reason(device));
         }
