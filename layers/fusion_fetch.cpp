@@ -43,7 +43,8 @@ struct FetchPush {
 };
 static_assert(sizeof(FetchPush) == 76);
 
-constexpr uint32_t kTile = 4; ///< pixels a side of a tile of shaders/fusion_fetch.comp
+constexpr uint32_t kTileRows =
+    4; ///< ROWS of shaders/fusion_fetch.comp, SIDE of fusion_fetch_row.comp
 
 /// Mirrors the push constants of shaders/fusion_fetch_row.comp.
 struct RowPush {
@@ -95,7 +96,7 @@ Dispatch row_dispatch(Program& program, const Fetch& fetch) {
         {offsetof(RowPush, base_address), read(fetch.base), base.origin() * 4},
         {offsetof(RowPush, instant_address), read(fetch.instant), 0}};
     dispatch.set_push(push);
-    dispatch.groups = {ceil_div(layout.width, kRowLanes), ceil_div(layout.height, kTile), 1};
+    dispatch.groups = {ceil_div(layout.width, kRowLanes), ceil_div(layout.height, kTileRows), 1};
     return dispatch;
 }
 
@@ -112,9 +113,8 @@ Dispatch pixel_dispatch(Program& program, const Fetch& fetch) {
                                 origin(fetch.instant), fetch.first, layout.width, layout.height,
                                 cells.width, cells.height});
     Layout tiles = layout;
-    tiles.height = ceil_div(layout.height, kTile);
-    tiles.width = ceil_div(layout.width, kTile);
-    dispatch.groups = pixel_groups(tiles);
+    tiles.height = ceil_div(layout.height, kTileRows);
+    dispatch.groups = pixel_groups(tiles, fetch.count());
     return dispatch;
 }
 

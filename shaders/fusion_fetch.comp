@@ -18,9 +18,9 @@
 // base       1 channel, any layout; may be another channel of planes
 // planes     any layout
 // Bindings: 0 frames, 1 away, 2 instant, 3 base, 4 planes.
-// Precondition: width <= 4 x 64 x groups.x, ceil(height / 4) = groups.y.
-// Tile: 4 x 4 pixels an invocation, between the centres of the same four cells; 64 x 1 invocations a
-// workgroup.
+// Precondition: width <= 64 x groups.x, ceil(height / ROWS) = groups.y, FRAMES = groups.z.
+// Tile: ROWS pixels of a column an invocation, between the centres of the same four cells, and 64 x 1 invocations
+// a workgroup, so that neighbours store, and mostly load, neighbours.
 layout(local_size_x = 64) in;
 layout(constant_id = 0) const int FRAMES = 9;
 layout(constant_id = 1) const int STEP = 1;
@@ -45,56 +45,43 @@ layout(push_constant) uniform Push {
     uint cell_height;
 };
 
-const uint SIDE = 4; // pixels of a tile
+const uint ROWS = 4; // pixels of a tile: half a cell
 
 void main() {
-    const uint left = SIDE * gl_GlobalInvocationID.x;
-    const uint top = SIDE * gl_WorkGroupID.y;
-    if (left >= width) {
+    const uint x = gl_GlobalInvocationID.x;
+    const uint top = ROWS * gl_WorkGroupID.y;
+    const uint f = gl_WorkGroupID.z;
+    if (x >= width) {
         return;
     }
     // The cells around, those outside replaced by the border's.
-    const uvec2 after = (uvec2(gl_GlobalInvocationID.x, gl_WorkGroupID.y) + 1) / 2;
-    const uvec2 limit = uvec2(cell_width, cell_height) - 1;
+    const uvec2 after = (uvec2(x / ROWS, gl_WorkGroupID.y) + 1) / 2;
     const uvec2 low_cell = max(after, 1) - 1;
-    const uvec2 high_cell = min(after, limit);
-    const uint y0 = low_cell.y * cell_width;
-    const uint y1 = high_cell.y * cell_width;
+    const uvec2 high_cell = min(after, uvec2(cell_width, cell_height) - 1);
+    const uint cells = away_origin + f * STEP * (cell_width * cell_height);
+    const uint y0 = cells + low_cell.y * cell_width;
+    const uint y1 = cells + high_cell.y * cell_width;
     // Centre of the first of them, were it not replaced.
     const vec2 centre = float(CELL) * (vec2(after) - 0.5) - 0.5;
+    const float share_x = (float(x) - centre.x) / float(CELL);
+    const vec2 above = mix(away[y0 + low_cell.x], away[y0 + high_cell.x], share_x);
+    const vec2 below = mix(away[y1 + low_cell.x], away[y1 + high_cell.x], share_x);
 
     const vec2 last = vec2(width - 1, height - 1);
-    const uint plane = cell_width * cell_height;
-    float own[SIDE * SIDE];
-    [[unroll]] for (uint i = 0; i < SIDE * SIDE; ++i) {
-        const uint x = min(left + i % SIDE, width - 1);
-        const uint y = min(top + i / SIDE, height - 1);
-        own[i] = base[element(base_layout, 0, y, x)];
-    }
-    for (uint f = 0; f < FRAMES; ++f) {
-        const uint cells = away_origin + f * STEP * plane;
-        const vec2 a = away[cells + y0 + low_cell.x];
-        const vec2 b = away[cells + y0 + high_cell.x];
-        const vec2 c = away[cells + y1 + low_cell.x];
-        const vec2 d = away[cells + y1 + high_cell.x];
-        const uint frame = frames_layout.origin + f * frames_layout.plane;
-        const uint rank = instant[instant_origin + INSTANT_RANKS + f];
-        const uint target = first + (RANKED != 0 ? rank : f);
-        [[unroll]] for (uint i = 0; i < SIDE * SIDE; ++i) {
-            // At the border some pixels twice: cheaper than branches.
-            const uint x = min(left + i % SIDE, width - 1);
-            const uint y = min(top + i / SIDE, height - 1);
-            const vec2 pixel = vec2(x, y);
-            const vec2 share = (pixel - centre) / float(CELL);
-            const vec2 position = pixel + mix(mix(a, b, share.x), mix(c, d, share.x), share.y);
-            const Neighbours n = neighbours(position, last);
-            const uint upper = frame + n.at.y * frames_layout.row;
-            const uint lower = frame + n.next.y * frames_layout.row;
-            const float fetched =
-                mix(mix(frames[upper + n.at.x], frames[upper + n.next.x], n.share.x),
-                    mix(frames[lower + n.at.x], frames[lower + n.next.x], n.share.x), n.share.y);
-            planes[element(planes_layout, target, y, x)] =
-                is_inside(position, last) ? fetched - own[i] : 0;
-        }
+    const uint frame = frames_layout.origin + f * frames_layout.plane;
+    const uint target = first + (RANKED != 0 ? instant[instant_origin + INSTANT_RANKS + f] : f);
+    [[unroll]] for (uint r = 0; r < ROWS; ++r) {
+        const uint y = min(top + r, height - 1); // at the border a pixel twice: cheaper than branches
+        const float share_y = (float(y) - centre.y) / float(CELL);
+        const vec2 position = vec2(x, y) + mix(above, below, share_y);
+        const Neighbours n = neighbours(position, last);
+        const uint upper = frame + n.at.y * frames_layout.row;
+        const uint lower = frame + n.next.y * frames_layout.row;
+        const float fetched =
+            mix(mix(frames[upper + n.at.x], frames[upper + n.next.x], n.share.x),
+                mix(frames[lower + n.at.x], frames[lower + n.next.x], n.share.x), n.share.y);
+        const float own = base[element(base_layout, 0, y, x)];
+        planes[element(planes_layout, target, y, x)] =
+            is_inside(position, last) ? fetched - own : 0;
     }
 }
