@@ -301,10 +301,12 @@ std::optional<SceneWarning> lag_warning(const SceneFacts& facts, const Exposure&
     if (pixels < kFar) {
         return std::nullopt;
     }
-    return SceneWarning{"late", text("the events are about %.1f ms later against the frame than "
-                                     "assumed, %.0f pixels of motion: frames are displaced and "
-                                     "keep ghosts of the ends; try --lag auto",
-                                     late_us * 1e-3, pixels)};
+    return SceneWarning{"late",
+                        text("the events are about %.1f ms ", std::abs(late_us) * 1e-3) +
+                            (late_us > 0 ? "later" : "earlier") +
+                            text(" against the frame than assumed, %.0f pixels of motion: frames "
+                                 "are displaced and keep ghosts of the ends; try --lag auto",
+                                 pixels)};
 }
 
 } // namespace ecir

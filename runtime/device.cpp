@@ -185,10 +185,10 @@ size_t choose(const std::vector<DeviceInfo>& devices, const std::string& selecto
             }
         }
     }
-    std::string message = "no Vulkan device matches '" + selector + "'; there are";
+    std::string message = "no Vulkan device matches '" + selector + "'; those here:";
     for (const DeviceInfo& device : devices) {
-        message += (&device == &devices.front() ? " " : ", ") + std::to_string(device.index) +
-                   ": " + device.name + " (" + device.type + ")";
+        message += (&device == &devices.front() ? " " : ", ") + std::to_string(device.index) + " " +
+                   device.name + " (" + device.type + ")";
     }
     throw Error(ExitCode::device, message);
 }

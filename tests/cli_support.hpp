@@ -66,7 +66,6 @@ inline pid_t start(const Arguments& arguments, const fs::path& out, const fs::pa
         ::_exit(126);
     }
     if (around.largest_file > 0) {
-        (void)std::signal(SIGXFSZ, SIG_IGN);
         const rlimit bound{around.largest_file, around.largest_file};
         ::setrlimit(RLIMIT_FSIZE, &bound);
     }

@@ -116,6 +116,11 @@ TEST_SUITE("cli chart") {
         const std::string out = scene.result("chart-none");
         must_fail(3, {"chart", "--scenes", empty.string(), "-o", out},
                   {empty.string(), "holds no scenes"});
+        const fs::path gap = scene.folder / "gap";
+        fs::copy(scene.grey, gap, fs::copy_options::recursive);
+        fs::remove(gap / "truth/000003.png");
+        must_fail(3, {"chart", "--scenes", gap.string(), "-m", "edi", "-o", out},
+                  {"truth/000004.png", "missing"});
         must_fail(3, {"chart", "--scenes", scene.grey.string(), "-m", "nothing", "-o", out},
                   {"no model 'nothing'"});
         CHECK_FALSE(fs::exists(out));

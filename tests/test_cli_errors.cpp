@@ -1,4 +1,5 @@
 #include <doctest/doctest.h>
+#include <sys/stat.h>
 
 #include "tests/cli_support.hpp"
 
@@ -115,6 +116,28 @@ TEST_SUITE("cli errors") {
         must_fail(2, at("0.5", "5", "no"), {"'0.5'", "microseconds"});
     }
 
+    TEST_CASE("an exposure's place among the events counts the lag") {
+        const NothingLeft nothing;
+        must_fail(3,
+                  at("1600000000000000", "1600000000050000", "no") + Arguments{"--lag", "1000000"},
+                  {"events.h5", "late by 1000000 us", "outside", "; "});
+        must(at("1599999999000000", "1599999999050000", "lag.npy") + Arguments{"--lag", "1000000"});
+        fs::remove(Scene::get().result("lag.npy"));
+        must_fail(2, at("0", "1", "no") + Arguments{"--lag", "-9223372036854775808"},
+                  {"--lag", "4e18"});
+    }
+
+    TEST_CASE("an exposure that the events cover in small part is told of") {
+        const auto warned = [](const std::string& start) {
+            const Scene& scene = Scene::get();
+            const Outcome outcome = must(at(start, "1600000000050000", "part.npy"));
+            fs::remove(scene.result("part.npy"));
+            return outcome.err.find("less than half of the exposure") != std::string::npos;
+        };
+        CHECK(warned("1599999999000000"));
+        CHECK(!warned("1600000000000000"));
+    }
+
     TEST_CASE("a time may be written with an exponent") {
         must(at("1.6e15", "1.60000000005e15", "exponent.npy"));
         must(at("1600000000000000", "1600000000050000", "digits.npy"));
@@ -210,10 +233,56 @@ TEST_SUITE("cli errors") {
         must_fail(2, scene.deblur(no, {"--fps", "5", "--frames", "3"}), {"--fps", "--frames"});
         must_fail(2, scene.deblur(no, {"--times", "0", "--frames", "3"}), {"--times", "--frames"});
         must_fail(2, scene.deblur(no + ".png"), {"no.png", "folder"});
+        must_fail(2, scene.deblur(no, kEdi + Arguments{"--size", "49x40"}),
+                  {"--size 49 x 40", "48 x 40", "; "});
         must_fail(2, {"deblur", "-i", scene.blurry.string(), "-o", no}, {"-e", "--exposure"});
         must(scene.deblur(scene.result("yes.npy"),
                           {"-m", "ecir", "--keypoints", "10", "--frames", "1"}));
         fs::remove(scene.result("yes.npy"));
+    }
+
+    TEST_CASE("nothing that is read or written is replaced by something else") {
+        const Scene& scene = Scene::get();
+        const NothingLeft nothing;
+        const std::string no = scene.result("no");
+        const Arguments overwrite = kEdi + Arguments{"--overwrite", "--report"};
+        for (const fs::path& read : {scene.blurry, scene.events}) {
+            const std::string before = get(read);
+            must_fail(2, scene.deblur(no, overwrite + Arguments{read.string()}),
+                      {read.filename().string(), "input", "; "});
+            CHECK(get(read) == before);
+        }
+        must_fail(2, scene.deblur(no + ".npy", overwrite + Arguments{no + ".npy"}),
+                  {"no.npy", "--report", "; "});
+        must_fail(2, scene.deblur(no, overwrite + Arguments{no + "/report.json"}),
+                  {"no/report.json", "--report", "; "});
+        must_fail(2, scene.deblur(no, overwrite + Arguments{""}), {"--report", "empty", "; "});
+        must_fail(2, scene.deblur("", kEdi), {"name is empty", "; "});
+        fs::create_directories(scene.folder / "kept/truth");
+        must_fail(2,
+                  scene.deblur((scene.folder / "kept").string(), kEdi + Arguments{"--overwrite"}),
+                  {"kept", "does not look like an output", "; "});
+    }
+
+    TEST_CASE("frames outlive a report that cannot be written") {
+        const Scene& scene = Scene::get();
+        const fs::path report = scene.folder / "report";
+        REQUIRE(::mkfifo(report.c_str(), 0600) == 0);
+        const int reader = ::open(report.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC);
+        const TemporaryFolder folder;
+        const pid_t child = start(scene.deblur(scene.result("outlive"),
+                                               kEdi + Arguments{"--overwrite", "--report", report}),
+                                  folder / "out", folder / "err");
+        // The reader goes away once the report was opened: until then it reads an end of file.
+        char byte = 0;
+        while (::read(reader, &byte, 1) == 0) {
+            ::usleep(1000);
+        }
+        ::close(reader);
+        CHECK(wait_for(child) != 0);
+        CHECK(get(folder / "err").find("Broken pipe") != std::string::npos);
+        CHECK(fs::exists(fs::path(scene.result("outlive")) / "frames.csv"));
+        fs::remove_all(scene.result("outlive"));
     }
 
     TEST_CASE("an output that cannot be written is named") {

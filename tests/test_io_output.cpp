@@ -135,14 +135,14 @@ TEST_SUITE("io") {
         CHECK(allowed()); // a folder of outputs
         put(folder / "out/thesis.tex", "");
         CHECK_FALSE(allowed());
-        for (const char* report : {"out/chart.json", "out/stability.json"}) {
+        fs::create_directory(folder / "out/truth");
+        CHECK_FALSE(allowed());
+        for (const char* report : {"out/chart.json", "out/stability.json", "out/simulation.json"}) {
             put(folder / report, "");
             CHECK(allowed());
             fs::remove(folder / report);
             CHECK_FALSE(allowed());
         }
-        fs::create_directory(folder / "out/truth");
-        CHECK(allowed());
         CHECK(fs::exists(folder / "out/thesis.tex"));
     }
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <charconv>
 #include <cmath>
 #include <span>
 
@@ -52,6 +53,15 @@ ChartScene read_scene(const fs::path& folder) {
     io::check_inside(scene.events.view(), scene.blurry.width, scene.blurry.height,
                      recording.events);
     for (const fs::path& file : image_files(folder / "truth", false)) {
+        const std::string number = file.stem().string();
+        size_t place = 0;
+        const auto [end, error] =
+            std::from_chars(number.data(), number.data() + number.size(), place);
+        if (error == std::errc{} && end == number.data() + number.size() &&
+            place != scene.truth.size()) {
+            refuse(file.string() + ": is number " + std::to_string(scene.truth.size()) +
+                   " of the frames there; frames are missing, and times follow from their count");
+        }
         scene.truth.push_back(grey_frame(io::read_image(file)));
         if (scene.truth.back().width != scene.blurry.width ||
             scene.truth.back().height != scene.blurry.height) {

@@ -39,7 +39,10 @@ int64_t parse_time(const std::string& option, const std::string& text) {
     constexpr int64_t kLatest = 4'000'000'000'000'000'000; // keeps durations within int64
     int64_t time = 0;
     const auto whole = std::from_chars(text.data(), end, time);
-    if (whole.ec == std::errc() && whole.ptr == end && std::abs(time) <= kLatest) {
+    if (whole.ec == std::errc() && whole.ptr == end) {
+        if (time < -kLatest || time > kLatest) {
+            refuse(option + " '" + text + "' is beyond 4e18 microseconds");
+        }
         return time;
     }
     constexpr double kExact = 9007199254740992; // 2^53: whole numbers up to there are doubles
@@ -146,7 +149,8 @@ void add_input(CLI::App& command, Options& o) {
         ->option_text("US|auto [0]")
         ->group(group);
     command
-        .add_option("--size", o.size, "Work at this size: the image is averaged, events are scaled")
+        .add_option("--size", o.size,
+                    "Work at this smaller size: the image is averaged, events are scaled")
         ->option_text("WxH")
         ->group(group);
 }
@@ -253,6 +257,9 @@ void add_deblur(CLI::App& app) {
     command
         ->add_option("--report", options->job.report,
                      "JSON: what was found in each exposure, warnings, what was used, times")
+        ->check([](const std::string& name) {
+            return std::string(name.empty() ? "the name is empty; give a file" : "");
+        })
         ->option_text("FILE")
         ->group("Output");
     add_times(*command, *options);

@@ -49,18 +49,56 @@ bool is_recording(const DeblurJob& job) {
     return fs::is_directory(status);
 }
 
+Exposure later(const Exposure& exposure, int64_t lag) {
+    return {exposure.start + lag, exposure.end + lag};
+}
+
 /// A window wholly outside what the file recorded is a mistake in the clock, not a still scene.
-void check_exposure(const Exposure& exposure, const io::EventWindows& events) {
+void check_exposure(const Exposure& exposure, int64_t lag, const io::EventWindows& events) {
     const auto& span = events.span();
-    if (!span || (exposure.start <= span->last && span->first <= exposure.end)) {
+    const Exposure moved = later(exposure, lag);
+    if (!span || (moved.start <= span->last && span->first <= moved.end)) {
         return;
     }
     throw Error(ExitCode::bad_input,
                 events.path().string() + ": the exposure " + std::to_string(exposure.start) +
                     " to " + std::to_string(exposure.end) +
+                    (lag != 0 ? ", events late by " + std::to_string(lag) + " us," : "") +
                     " lies wholly outside the events, which run from " +
                     std::to_string(span->first) + " to " + std::to_string(span->last) +
                     " us; give both on one clock, in microseconds");
+}
+
+/// Where the file's events begin or end within the exposure. What does not move makes no events
+/// either; so only where most of it has none.
+std::optional<SceneWarning> recorded_warning(const Exposure& exposure,
+                                             const io::EventWindows& events) {
+    constexpr double kLeast = 0.5;
+    const auto& span = events.span();
+    if (!span) {
+        return std::nullopt;
+    }
+    const int64_t first = std::max(span->first, exposure.start);
+    const int64_t last = std::min(span->last, exposure.end);
+    const double share =
+        static_cast<double>(last - first) / static_cast<double>(exposure.duration());
+    if (share >= kLeast) {
+        return std::nullopt;
+    }
+    return SceneWarning{"partly-recorded",
+                        events.path().string() + " has events from " + std::to_string(span->first) +
+                            " to " + std::to_string(span->last) +
+                            " us only, less than half of the exposure " +
+                            std::to_string(exposure.start) + " to " + std::to_string(exposure.end) +
+                            " us: a still scene, another clock or unit, or a recording cut off"};
+}
+
+void check_size(const PixelSize& size, const io::Image& image, const fs::path& path) {
+    if (size.width > image.width || size.height > image.height) {
+        refuse("--size " + size_text(size.width, size.height) + " is larger than " + path.string() +
+               ", " + size_text(image.width, image.height) +
+               "; events cannot be made finer: give a smaller size, or leave --size out");
+    }
 }
 
 void check_sensor(const io::EventWindows& events, const io::Image& image,
@@ -166,7 +204,7 @@ ExposureReader::ExposureReader(const DeblurJob& job, const io::Recording& record
       events_(recording.events,
               job.exposure ? io::EventWindows::Reading::sparse : io::EventWindows::Reading::whole) {
     for (const auto& item : recording.items) {
-        check_exposure(item.exposure, events_);
+        check_exposure(item.exposure, lag, events_);
     }
 }
 
@@ -177,10 +215,12 @@ LoadedExposure ExposureReader::read(const io::Recording::Item& item) {
     loaded.image = io::read_image(item.image);
     io::Image& image = loaded.image;
     check_image(image, item.image);
-    loaded.exposure = {item.exposure.start + lag_, item.exposure.end + lag_};
+    loaded.exposure = later(item.exposure, lag_);
+    loaded.recorded = recorded_warning(loaded.exposure, events_);
     const auto [events, first] = events_.read(loaded.exposure);
     io::check_inside(events, image.width, image.height, events_.path(), first);
     if (job_.size) {
+        check_size(*job_.size, image, item.image);
         loaded.events = scale_events(events, image.width, image.height, *job_.size);
         image = resize_area(image, *job_.size);
     } else {

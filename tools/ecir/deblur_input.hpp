@@ -17,6 +17,7 @@ struct LoadedExposure {
     std::vector<float> luminance;
     Events events; ///< of the exposure
     SceneFacts facts;
+    std::optional<SceneWarning> recorded; ///< where the events end or begin within it
     double read_ms = 0;
 };
 

@@ -62,6 +62,37 @@ struct Deblurred {
     ExposureReport report;
 };
 
+/// Refuses outputs that would replace what is read, or each other.
+void check_outputs(const DeblurJob& job, const io::Recording& recording) {
+    std::error_code ignored;
+    std::vector<fs::path> files{recording.events};
+    for (const auto& item : recording.items) {
+        files.emplace_back(item.image);
+    }
+    if (fs::is_regular_file(job.deblur.model, ignored)) {
+        files.emplace_back(job.deblur.model);
+    }
+    if (fs::is_directory(job.input, ignored)) {
+        files.push_back(job.input / "exposures.csv");
+        if (io::lies_within(job.input, job.output)) {
+            refuse(job.output.string() + " is or holds the input " + job.input.string() +
+                   "; choose another output");
+        }
+    }
+    for (const fs::path& read : files) {
+        for (const fs::path& written : {job.output, job.report}) {
+            if (io::lies_within(read, written)) {
+                refuse(written.string() + " is or holds the input " + read.string() +
+                       "; choose another output");
+            }
+        }
+    }
+    if (io::lies_within(job.report, job.output) || io::lies_within(job.output, job.report)) {
+        refuse("--report " + job.report.string() + ": is, holds or lies in the output " +
+               job.output.string() + ", which is put in place as a whole; choose a file beside it");
+    }
+}
+
 /// Deblurs the exposures of a recording into one output. Three threads at a time work on exposures
 /// that follow each other: one reads and decodes, one packs events and has the device compute (two
 /// exposures are begun at a time, so that the device need not wait for the host), one encodes and
@@ -70,12 +101,7 @@ class Run {
 public:
     explicit Run(const DeblurJob& job)
         : job_(job), recording_(open_input(job)), console_("exposure", recording_.items.size()) {
-        for (const fs::path& read : {job.input, recording_.events, fs::path(job.deblur.model)}) {
-            if (io::lies_within(read, job.output)) {
-                refuse(job.output.string() + " is or holds the input " + read.string() +
-                       "; choose another output");
-            }
-        }
+        check_outputs(job, recording_);
         for (const auto& item : recording_.items) {
             frames_ += wanted_times(job, item.exposure).size();
         }
@@ -124,6 +150,9 @@ public:
             }
         }
         output.commit();
+        if (unreported_) {
+            std::rethrow_exception(unreported_);
+        }
         if (report_) {
             report_->commit();
         }
@@ -151,13 +180,23 @@ private:
                 write(*deblurred, output);
                 if (report_) {
                     deblurred->report.ms.write = watch.ms();
-                    report_->add(deblurred->report);
+                    add_to_report(deblurred->report);
                 }
             }
             return {};
         } catch (...) {
             deblurred_.abandon();
             return std::current_exception();
+        }
+    }
+
+    /// Where that fails the frames go on; the error is told once they are in place.
+    void add_to_report(const ExposureReport& exposure) {
+        try {
+            report_->add(exposure);
+        } catch (...) {
+            unreported_ = std::current_exception();
+            report_.reset();
         }
     }
 
@@ -253,6 +292,9 @@ private:
         report.item = loaded.item;
         report.facts = loaded.facts;
         report.warnings = scene_warnings(loaded.facts, deblur_->travel_range());
+        if (loaded.recorded) {
+            report.warnings.push_back(*loaded.recorded);
+        }
         if (lag_ && job_.lag) {
             if (auto late = lag_warning(loaded.facts, loaded.exposure,
                                         static_cast<double>(*lag_ - *job_.lag))) {
@@ -334,6 +376,7 @@ private:
     io::Recording recording_;
     Console console_;
     std::optional<DeblurReport> report_;
+    std::exception_ptr unreported_;
     std::optional<int64_t> lag_; ///< of the events as estimated, microseconds
     size_t frames_ = 0;
     Handover<LoadedExposure> loaded_{2};

@@ -117,7 +117,9 @@ DeblurReport::DeblurReport(const std::filesystem::path& file, bool overwrite, co
 }
 
 void DeblurReport::add(const ExposureReport& exposure) {
-    write((first_ ? "\n" : ",\n") + describe(exposure).dump());
+    // Names of files need not be UTF-8.
+    write((first_ ? "\n" : ",\n") +
+          describe(exposure).dump(-1, ' ', false, Json::error_handler_t::replace));
     first_ = false;
 }
 

@@ -1,9 +1,13 @@
 #include <algorithm>
+#include <csignal>
 #include <cstdio>
 #include <exception>
+#include <fcntl.h>
 #include <iostream>
 #include <new>
+#include <poll.h>
 #include <string>
+#include <unistd.h>
 #include <vector>
 
 #include "runtime/error.hpp"
@@ -76,6 +80,11 @@ int run(int argc, char** argv) {
     }
     std::cout.flush();
     if (std::fflush(stdout) != 0 || std::ferror(stdout) != 0 || !std::cout) {
+        pollfd out{STDOUT_FILENO, 0, 0};
+        if (::poll(&out, 1, 0) == 1 && (out.revents & POLLERR) != 0) { // as `| head` expects
+            (void)std::signal(SIGPIPE, SIG_DFL);
+            (void)std::raise(SIGPIPE);
+        }
         throw ecir::Error(ecir::ExitCode::resources,
                           "cannot write to standard output; is its disk full?");
     }
@@ -90,9 +99,19 @@ int fail(ecir::ExitCode code, std::string message) {
     return static_cast<int>(code);
 }
 
+/// A file that got the number of a closed stream would get what is printed there.
+void occupy_standard_streams() {
+    for (const int stream : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO}) {
+        if (::fcntl(stream, F_GETFD) == -1) {
+            (void)::open("/dev/null", stream == STDIN_FILENO ? O_WRONLY : O_RDONLY); // still fails
+        }
+    }
+}
+
 } // namespace
 
 int main(int argc, char** argv) {
+    occupy_standard_streams();
     ecir::io::install_cleanup_handler();
     int code = 0;
     try {

@@ -221,7 +221,7 @@ void add_scene_options(CLI::App& command, Options& options) {
     command.add_option("--size", options.size, "Frame size WxH; the input is cropped and averaged")
         ->capture_default_str();
     command.add_option("--exposure-us", options.exposure_us, "Exposure, microseconds")
-        ->check(CLI::Range(int64_t{1}, int64_t{3'600'000'000}))
+        ->check(CLI::Range(int64_t{1}, int64_t{107'374'182}))
         ->capture_default_str();
     command.add_option("--start", options.start_us, "The events' clock at the start, microseconds")
         ->check(CLI::Range(int64_t{0}, int64_t{4'000'000'000'000'000'000}))

@@ -46,6 +46,11 @@ Format format_of(std::span<const uint8_t> start) {
 } // namespace
 
 std::unique_ptr<EventStream> open_events(const fs::path& path) {
+    std::error_code problem;
+    if (fs::is_fifo(path, problem)) {
+        throw Error(ExitCode::bad_input, path.string() + ": is a pipe, and events are read more "
+                                                         "than once; give a file");
+    }
     switch (format_of(read_start(path, start_size))) {
     case Format::hdf5:
         return open_hdf5_events(path);

@@ -203,7 +203,8 @@ bool lies_within(const fs::path& inner, const fs::path& outer) {
     std::error_code ignored;
     const fs::path in = fs::weakly_canonical(inner, ignored);
     const fs::path out = fs::weakly_canonical(outer, ignored);
-    return std::mismatch(out.begin(), out.end(), in.begin(), in.end()).first == out.end();
+    return !out.empty() &&
+           std::mismatch(out.begin(), out.end(), in.begin(), in.end()).first == out.end();
 }
 
 } // namespace ecir::io

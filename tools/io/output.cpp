@@ -86,7 +86,7 @@ bool has_frames_list(const fs::path& folder) {
 /// Whether a folder holds what this tool writes, so that somebody's home is not replaced.
 bool looks_like_output(const fs::path& folder) {
     std::error_code problem;
-    if (has_frames_list(folder) || fs::is_directory(folder / "truth", problem) ||
+    if (has_frames_list(folder) || fs::is_regular_file(folder / "simulation.json", problem) ||
         fs::is_regular_file(folder / "chart.json", problem) ||
         fs::is_regular_file(folder / "stability.json", problem)) {
         return true;
@@ -111,9 +111,11 @@ void check_replaceable(const fs::path& target, const fs::file_status& status, bo
         refuse(target, "is the working folder or holds it; choose another output");
     }
     if (!looks_like_output(target)) {
-        refuse(target, "is not replaced, since it does not look like an output (neither empty nor "
-                       "with frames.csv, truth/, chart.json or stability.json in it); remove it or "
-                       "choose another output");
+        refuse(
+            target,
+            "is not replaced, since it does not look like an output (neither empty nor "
+            "with frames.csv, simulation.json, chart.json or stability.json in it); remove it or "
+            "choose another output");
     }
 }
 
@@ -142,8 +144,11 @@ PendingOutput::PendingOutput(fs::path target, bool folder, bool overwrite)
     }
     std::error_code problem;
     if (fs::is_symlink(target_, problem)) {
-        // What the link leads to is replaced, not the link.
-        target_ = fs::weakly_canonical(target_, problem);
+        // What the link leads to is replaced, not the link; a pipe (/dev/stdout) has no name.
+        const bool leads = fs::exists(target_, problem);
+        fs::path led = leads ? fs::canonical(target_, problem)
+                             : target_.parent_path() / fs::read_symlink(target_, problem);
+        target_ = problem ? target_ : std::move(led);
     }
     const fs::file_status status = fs::status(target_, problem);
     if (fs::exists(status)) {
@@ -236,7 +241,10 @@ void install_cleanup_handler() {
         throw system_error(errno, "a pipe", "cannot open");
     }
     std::thread(await_signal).detach();
-    for (const int number : {SIGINT, SIGTERM, SIGHUP}) {
+    // As errors where they happen, EPIPE and EFBIG, so that nothing half-written stays.
+    (void)std::signal(SIGPIPE, SIG_IGN);
+    (void)std::signal(SIGXFSZ, SIG_IGN);
+    for (const int number : {SIGINT, SIGTERM, SIGHUP, SIGQUIT}) {
         struct sigaction now {};
         // A signal ignored from outside (nohup) stays ignored.
         if (::sigaction(number, nullptr, &now) == 0 && now.sa_handler != SIG_IGN) {

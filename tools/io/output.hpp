@@ -11,7 +11,7 @@ public:
     /// Refuses an existing target (exit 2) unless `overwrite`; checks that the parent can be
     /// written (exit 3). With `folder`, the temporary folder exists after construction. Overwriting
     /// replaces a file by a file and a folder by a folder, the latter only if it is empty or looks
-    /// like an output (frames.csv in it or in all its folders, or a folder truth). A device or a
+    /// like an output (frames.csv in it or in all its folders, or simulation.json). A device or a
     /// pipe cannot be replaced: with `overwrite` it is written directly.
     PendingOutput(std::filesystem::path target, bool folder, bool overwrite);
     ~PendingOutput();
@@ -35,8 +35,8 @@ private:
     bool committed_ = false;
 };
 
-/// From now on SIGINT, SIGTERM and SIGHUP remove every pending output before they end the process.
-/// Call once.
+/// From now on SIGINT, SIGTERM, SIGHUP and SIGQUIT remove every pending output before they end the
+/// process; SIGPIPE and SIGXFSZ are ignored. Call once.
 void install_cleanup_handler();
 
 } // namespace ecir::io
