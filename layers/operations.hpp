@@ -52,7 +52,7 @@ struct TrialResult {
 /// Runs one case and compares.
 TrialResult run_trial(const Operation& operation, const Trial& trial);
 /// Makes it first.
-TrialResult run_trial(const Operation& operation, Device& device, uint32_t trial);
+TrialResult run_trial(const Operation& operation, Device& device, uint32_t index);
 
 /// Elements of a tensor's memory as dense channels x height x width, and back (halo and padding
 /// zero).

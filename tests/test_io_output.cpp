@@ -120,7 +120,7 @@ TEST_SUITE("io") {
         const TemporaryFolder folder;
         const auto allowed = [&] {
             try {
-                io::PendingOutput(folder / "out", true, true);
+                const io::PendingOutput made(folder / "out", true, true);
                 return true;
             } catch (const Error& error) {
                 CHECK(error.code() == ExitCode::usage);

@@ -80,7 +80,7 @@ private:
     int source_width_ = 0; ///< of the first frame read
     int source_height_ = 0;
     struct Cached {
-        size_t index;
+        size_t index = 0;
         io::Image image;
     };
     std::array<Cached, 2> cache_; ///< by the index's parity
