@@ -106,9 +106,10 @@ std::vector<uint32_t> edi_busy_pixels(const PackedEvents& events) {
     for (uint32_t pixel = 0; pixel + 1 < events.offset.size(); ++pixel) {
         const uint32_t count = events.offset[pixel + 1] - events.offset[pixel];
         if (count > most) {
-            throw Error(ExitCode::bad_input,
-                        "pixel " + std::to_string(pixel) + " has " + std::to_string(count) +
-                            " events in one exposure; EDI takes at most " + std::to_string(most));
+            throw Error(ExitCode::bad_input, "a pixel has " + std::to_string(count) +
+                                                 " events in one exposure; EDI takes at most " +
+                                                 std::to_string(most) +
+                                                 "; mask hot pixels in the sensor");
         }
         if (count > edi_busy_events) {
             busy[++busy[0]] = pixel;

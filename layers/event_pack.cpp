@@ -27,7 +27,7 @@ void check_exposure(const Exposure& exposure) {
     }
     if (duration > static_cast<uint64_t>(longest_exposure_us)) {
         reject("the exposure lasts " + std::to_string(duration) + " us; the longest supported is " +
-               number(longest_exposure_us) + " us");
+               number(longest_exposure_us) + " us; are its times microseconds?");
     }
 }
 

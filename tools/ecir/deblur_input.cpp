@@ -9,6 +9,7 @@
 #include "layers/frame_lag.hpp"
 #include "runtime/error.hpp"
 #include "tools/ecir/stopwatch.hpp"
+#include "tools/io/file.hpp"
 
 namespace ecir::cli {
 namespace {
@@ -47,6 +48,37 @@ bool is_recording(const DeblurJob& job) {
                                              "; give the blurry image, or a recording's folder");
     }
     return fs::is_directory(status);
+}
+
+/// Refuses outputs that would replace what is read, or each other.
+void check_outputs(const DeblurJob& job, const io::Recording& recording) {
+    std::error_code ignored;
+    std::vector<fs::path> files{recording.events};
+    for (const auto& item : recording.items) {
+        files.emplace_back(item.image);
+    }
+    if (fs::is_regular_file(job.deblur.model, ignored)) {
+        files.emplace_back(job.deblur.model);
+    }
+    if (fs::is_directory(job.input, ignored)) {
+        files.push_back(job.input / "exposures.csv");
+        if (io::lies_within(job.input, job.output)) {
+            refuse(job.output.string() + " is or holds the input " + job.input.string() +
+                   "; choose another output");
+        }
+    }
+    for (const fs::path& read : files) {
+        for (const fs::path& written : {job.output, job.report}) {
+            if (io::lies_within(read, written)) {
+                refuse(written.string() + " is or holds the input " + read.string() +
+                       "; choose another output");
+            }
+        }
+    }
+    if (io::lies_within(job.report, job.output) || io::lies_within(job.output, job.report)) {
+        refuse("--report " + job.report.string() + ": is, holds or lies in the output " +
+               job.output.string() + ", which is put in place as a whole; choose a file beside it");
+    }
 }
 
 Exposure later(const Exposure& exposure, int64_t lag) {
@@ -183,13 +215,16 @@ std::optional<int64_t> lag_of_frames(const io::Recording& recording, io::EventWi
 } // namespace
 
 io::Recording open_input(const DeblurJob& job) {
+    io::Recording recording;
     if (!is_recording(job)) {
-        return one_frame(job);
-    }
-    if (!job.events.empty() || job.exposure) {
+        recording = one_frame(job);
+    } else if (!job.events.empty() || job.exposure) {
         refuse("-e and --exposure go with a single frame; a recording's folder holds both");
+    } else {
+        recording = io::open_recording(job.input);
     }
-    return io::open_recording(job.input);
+    check_outputs(job, recording);
+    return recording;
 }
 
 std::optional<int64_t> estimate_lag(const io::Recording& recording, Device& device) {

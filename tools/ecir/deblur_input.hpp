@@ -22,7 +22,8 @@ struct LoadedExposure {
 };
 
 /// What a job asks to deblur: a recording's folder, or one image as a recording of one.
-/// Throws Error: usage for options that do not fit the input, bad_input as open_recording() does.
+/// Throws Error: usage for options that do not fit the input and for outputs that would replace
+/// what is read, or each other; bad_input as open_recording() does.
 io::Recording open_input(const DeblurJob& job);
 
 /// How late a recording's events are, microseconds, from its first exposures: roughly from one to

@@ -18,7 +18,6 @@
 #include "tools/ecir/model_times.hpp"
 #include "tools/ecir/precision.hpp"
 #include "tools/ecir/stopwatch.hpp"
-#include "tools/io/file.hpp"
 
 namespace ecir::cli {
 namespace {
@@ -62,37 +61,6 @@ struct Deblurred {
     ExposureReport report;
 };
 
-/// Refuses outputs that would replace what is read, or each other.
-void check_outputs(const DeblurJob& job, const io::Recording& recording) {
-    std::error_code ignored;
-    std::vector<fs::path> files{recording.events};
-    for (const auto& item : recording.items) {
-        files.emplace_back(item.image);
-    }
-    if (fs::is_regular_file(job.deblur.model, ignored)) {
-        files.emplace_back(job.deblur.model);
-    }
-    if (fs::is_directory(job.input, ignored)) {
-        files.push_back(job.input / "exposures.csv");
-        if (io::lies_within(job.input, job.output)) {
-            refuse(job.output.string() + " is or holds the input " + job.input.string() +
-                   "; choose another output");
-        }
-    }
-    for (const fs::path& read : files) {
-        for (const fs::path& written : {job.output, job.report}) {
-            if (io::lies_within(read, written)) {
-                refuse(written.string() + " is or holds the input " + read.string() +
-                       "; choose another output");
-            }
-        }
-    }
-    if (io::lies_within(job.report, job.output) || io::lies_within(job.output, job.report)) {
-        refuse("--report " + job.report.string() + ": is, holds or lies in the output " +
-               job.output.string() + ", which is put in place as a whole; choose a file beside it");
-    }
-}
-
 /// Deblurs the exposures of a recording into one output. Three threads at a time work on exposures
 /// that follow each other: one reads and decodes, one packs events and has the device compute (two
 /// exposures are begun at a time, so that the device need not wait for the host), one encodes and
@@ -101,7 +69,6 @@ class Run {
 public:
     explicit Run(const DeblurJob& job)
         : job_(job), recording_(open_input(job)), console_("exposure", recording_.items.size()) {
-        check_outputs(job, recording_);
         for (const auto& item : recording_.items) {
             frames_ += wanted_times(job, item.exposure).size();
         }
@@ -229,7 +196,11 @@ private:
         next.times = wanted_times(job_, loaded.item->exposure);
         begun_.reserve(kBegun);
         const Stopwatch watch;
-        deblur_->begin(loaded.luminance, loaded.events.view(), loaded.exposure, next.times);
+        try {
+            deblur_->begin(loaded.luminance, loaded.events.view(), loaded.exposure, next.times);
+        } catch (const Error& error) {
+            throw Error(error.code(), loaded.item->image + ": " + error.what());
+        }
         next.report = report_of(loaded, next.times.size());
         next.report.ms = {.read = loaded.read_ms, .prepare = watch.ms()};
         loaded.events = {};
