@@ -1,7 +1,9 @@
 #include <doctest/doctest.h>
 #include <nlohmann/json.hpp>
 
+#include "tests/aedat4_writer.hpp"
 #include "tests/cli_support.hpp"
+#include "tools/io/recording.hpp"
 
 using namespace ecir;
 using namespace ecir::test;
@@ -48,6 +50,43 @@ TEST_SUITE("cli recording") {
         CHECK(io::read_npy(three.result("out.npy")).shape ==
               std::vector<size_t>{12, kHeight, kWidth});
         must(three.deblur(three.scene, "out.mp4", {"--frames", "4"}));
+    }
+
+    TEST_CASE("a camera's file gives what its frames and events give in a folder") {
+        const Three& three = Three::get();
+        must(three.deblur(three.scene, "folder", {"--frames", "4"}));
+        const auto recording = io::open_recording(three.scene);
+        const Events events = io::read_events(recording.events).events;
+        Aedat4Writer writer;
+        writer.events(events.view(), 0, events.size() / 2);
+        for (const auto& item : recording.items) {
+            const io::Image image = recording.read(item);
+            std::vector<uint8_t> bytes(image.pixels.size());
+            std::ranges::transform(image.pixels, bytes.begin(), [](float value) {
+                return static_cast<uint8_t>(std::lround(255 * value));
+            });
+            writer.frame(item.exposure, image.width, image.height, bytes);
+        }
+        // A last one that the events do not reach: nothing moves in it.
+        writer.frame({events.t.back() + 10, events.t.back() + 20}, kWidth, kHeight,
+                     std::vector<uint8_t>(size_t{kWidth} * kHeight, 99));
+        writer.events(events.view(), events.size() / 2, events.size());
+        const auto path = writer.write(three.folder / "recording.aedat4");
+        const auto done = must(three.deblur(path, "file", {"--frames", "4"}));
+        CHECK(done.err.find("frame 3: ") != std::string::npos);
+        const auto csv = lines(three.result("file") + "/frames.csv");
+        REQUIRE(csv.size() == 17);
+        CHECK(csv[5] == "000004.png,-1,1600000000050000,frame 1");
+        for (int i = 0; i < 12; ++i) {
+            const std::string name =
+                "/0000" + std::string(i < 10 ? "0" : "") + std::to_string(i) + ".png";
+            CAPTURE(name);
+            CHECK(get(three.result("file") + name) == get(three.result("folder") + name));
+        }
+        const io::Image last = io::read_image(three.result("file") + "/000015.png");
+        CHECK(std::ranges::count(last.pixels, 99 / 255.0F) == kWidth * kHeight);
+        must_fail(2, three.deblur(path, "twice", {"-e", path.string()}),
+                  {"a recording holds both"});
     }
 
     TEST_CASE("late events are found, told of in the report, and allowed for") {

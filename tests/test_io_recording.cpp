@@ -42,7 +42,7 @@ TEST_SUITE("io") {
         const Sample sample;
         const auto recording = io::open_recording(sample.folder.path());
         REQUIRE(recording.items.size() == 2);
-        CHECK(recording.items[1].image == sample.folder / "1.png");
+        CHECK(recording.full_name(recording.items[1]) == sample.folder / "1.png");
         CHECK(recording.items[1].exposure.start == 300);
         CHECK(recording.items[1].exposure.end == 400);
         CHECK(recording.events == sample.folder / "events.txt");
@@ -140,7 +140,7 @@ TEST_SUITE("io") {
             ExitCode::bad_input, [&] { io::open_recording(sample.folder / "none"); }, "none");
         check_error(
             ExitCode::bad_input, [&] { io::open_recording(sample.folder / "0.png"); },
-            "not a folder");
+            "not a recording");
     }
 
 } // TEST_SUITE

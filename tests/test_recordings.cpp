@@ -82,8 +82,8 @@ TEST_SUITE("recordings") {
             Deblur deblur(device, options, 346, 260);
             for (size_t i = 0; i < recording.items.size(); i += 6) {
                 const auto& item = recording.items[i];
-                CAPTURE(item.image);
-                const auto blurry = io::luminance(io::read_image(item.image));
+                CAPTURE(item.name);
+                const auto blurry = io::luminance(recording.read(item));
                 constexpr uint32_t kFrames = 100;
                 const auto frames =
                     deblur.frames(blurry, events.events.view(), item.exposure, even_times(kFrames));
@@ -104,7 +104,7 @@ TEST_SUITE("recordings") {
         const io::EventFile events = io::read_events(recording.events);
         Deblur deblur(Device::open(), {}, 346, 260);
         for (size_t i = 0; i < recording.items.size(); i += 9) {
-            const auto blurry = io::luminance(io::read_image(recording.items[i].image));
+            const auto blurry = io::luminance(recording.read(recording.items[i]));
             const auto frames = deblur.frames(blurry, events.events.view(),
                                               recording.items[i].exposure, even_times(5));
             for (size_t k = 0; k < 5; ++k) {

@@ -106,7 +106,7 @@ void compare(const fs::path& folder, const fs::path& frame_folder, const fs::pat
              const fs::path& out) {
     const auto recording = ecir::io::open_recording(folder);
     const auto& item = recording.items.front();
-    const cv::Mat blurry = read(item.image);
+    const cv::Mat blurry = read(recording.full_name(item));
     const auto file = ecir::io::read_events(recording.events);
     const auto events = ecir::window(file.events.view(), item.exposure);
     ecir::io::check_inside(events, blurry.cols, blurry.rows, recording.events);

@@ -46,7 +46,7 @@ ChartScene read_scene(const fs::path& folder) {
     const auto& item = recording.items.front();
     ChartScene scene;
     scene.exposure = item.exposure;
-    scene.blurry = io::read_image(item.image);
+    scene.blurry = recording.read(item);
     scene.blurry.pixels = io::luminance(scene.blurry);
     scene.blurry.channels = 1;
     scene.events = io::read_events(recording.events).events;

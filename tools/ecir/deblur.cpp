@@ -128,7 +128,9 @@ CLI::Validator within(double least, double most) {
 
 void add_input(CLI::App& command, Options& o) {
     const std::string group = "Input";
-    command.add_option("-i,--input", o.job.input, "The blurry image, or a recording's folder")
+    command
+        .add_option("-i,--input", o.job.input,
+                    "The blurry image, or a recording: a folder, or an AEDAT 4 file")
         ->required()
         ->option_text("PATH (required)")
         ->group(group);
@@ -269,7 +271,9 @@ void add_deblur(CLI::App& app) {
                     "plays 25 frames a second; an array holds float32, frames x height x width [x "
                     "3], not clipped.\n"
                     "A recording is a folder with images, one events file and exposures.csv\n"
-                    "(file,start_us,end_us); its exposures' frames are numbered on.\n"
+                    "(file,start_us,end_us), or an AEDAT 4 file with frames and events; its "
+                    "exposures' frames\n"
+                    "are numbered on.\n"
                     "\n"
                     "Examples:\n"
                     "  ecir deblur -i blurry.png -e events.h5 --exposure 1600000000000000 "

@@ -27,7 +27,7 @@ std::string size_text(int width, int height) {
 io::Recording one_frame(const DeblurJob& job) {
     if (job.events.empty() || !job.exposure) {
         refuse("a single frame needs its events (-e FILE) and its exposure (--exposure START END); "
-               "a recording is a folder with exposures.csv");
+               "a recording is a folder with exposures.csv, or an AEDAT 4 file");
     }
     if (job.exposure->end <= job.exposure->start) {
         throw Error(ExitCode::bad_input, "the exposure of " + job.input.string() + " ends at " +
@@ -36,7 +36,10 @@ io::Recording one_frame(const DeblurJob& job) {
                                              std::to_string(job.exposure->start) +
                                              " us; give --exposure START END in microseconds");
     }
-    return {{{job.input.string(), *job.exposure}}, job.events};
+    io::Recording recording;
+    recording.items.push_back({job.input.string(), *job.exposure, 0});
+    recording.events = job.events;
+    return recording;
 }
 
 bool is_recording(const DeblurJob& job) {
@@ -45,9 +48,10 @@ bool is_recording(const DeblurJob& job) {
     if (!fs::exists(status)) {
         throw Error(ExitCode::bad_input, job.input.string() +
                                              ": cannot open: " + problem.message() +
-                                             "; give the blurry image, or a recording's folder");
+                                             "; give the blurry image, or a recording");
     }
-    return fs::is_directory(status);
+    return fs::is_directory(status) ||
+           (fs::is_regular_file(status) && io::is_camera_file(job.input));
 }
 
 /// Refuses outputs that would replace what is read, or each other.
@@ -55,7 +59,9 @@ void check_outputs(const DeblurJob& job, const io::Recording& recording) {
     std::error_code ignored;
     std::vector<fs::path> files{recording.events};
     for (const auto& item : recording.items) {
-        files.emplace_back(item.image);
+        if (!recording.frames) { // those lie in the events' file
+            files.push_back(recording.place / item.name);
+        }
     }
     if (fs::is_regular_file(job.deblur.model, ignored)) {
         files.emplace_back(job.deblur.model);
@@ -102,7 +108,8 @@ void check_exposure(const Exposure& exposure, int64_t lag, const io::EventWindow
 }
 
 /// Where the file's events begin or end within the exposure. What does not move makes no events
-/// either; so only where most of it has none.
+/// either; so only where most of it has none. (An exposure wholly outside has no events at all, and
+/// is told of as such.)
 std::optional<SceneWarning> recorded_warning(const Exposure& exposure,
                                              const io::EventWindows& events) {
     constexpr double kLeast = 0.5;
@@ -114,7 +121,7 @@ std::optional<SceneWarning> recorded_warning(const Exposure& exposure,
     const int64_t last = std::min(span->last, exposure.end);
     const double share =
         static_cast<double>(last - first) / static_cast<double>(exposure.duration());
-    if (share >= kLeast) {
+    if (share >= kLeast || last < first) {
         return std::nullopt;
     }
     return SceneWarning{"partly-recorded",
@@ -125,22 +132,21 @@ std::optional<SceneWarning> recorded_warning(const Exposure& exposure,
                             " us: a still scene, another clock or unit, or a recording cut off"};
 }
 
-void check_size(const PixelSize& size, const io::Image& image, const fs::path& path) {
+void check_size(const PixelSize& size, const io::Image& image, const std::string& name) {
     if (size.width > image.width || size.height > image.height) {
-        refuse("--size " + size_text(size.width, size.height) + " is larger than " + path.string() +
-               ", " + size_text(image.width, image.height) +
+        refuse("--size " + size_text(size.width, size.height) + " is larger than " + name + ", " +
+               size_text(image.width, image.height) +
                "; events cannot be made finer: give a smaller size, or leave --size out");
     }
 }
 
-void check_sensor(const io::EventWindows& events, const io::Image& image,
-                  const fs::path& image_path) {
+void check_sensor(const io::EventWindows& events, const io::Image& image, const std::string& name) {
     if (events.width() && events.height() &&
         (*events.width() != image.width || *events.height() != image.height)) {
         throw Error(ExitCode::bad_input,
                     events.path().string() + ": the events are of a sensor of " +
-                        size_text(*events.width(), *events.height()) + " pixels, " +
-                        image_path.string() + " has " + size_text(image.width, image.height) +
+                        size_text(*events.width(), *events.height()) + " pixels, " + name +
+                        " has " + size_text(image.width, image.height) +
                         "; give the image and the events of one sensor");
     }
 }
@@ -159,7 +165,7 @@ std::optional<int64_t> lag_between_frames(const io::Recording& recording,
     std::vector<float> before;
     for (size_t i = 0; i < std::min(recording.items.size(), kPairs + 1); ++i) {
         const auto& item = recording.items[i];
-        const io::Image image = io::read_image(item.image);
+        const io::Image image = recording.read(item);
         std::vector<float> luminance = io::luminance(image);
         const bool follows = i > 0 && recording.items[i - 1].exposure.end <= item.exposure.start &&
                              before.size() == luminance.size();
@@ -189,7 +195,7 @@ std::optional<int64_t> lag_of_frames(const io::Recording& recording, io::EventWi
     for (size_t i = 0; i < std::min(recording.items.size(), kFrames) && found.size() < kEnough;
          ++i) {
         const auto& item = recording.items[i];
-        const io::Image image = io::read_image(item.image);
+        const io::Image image = recording.read(item);
         const auto reach =
             std::llround(FrameLagEstimator::kReach * static_cast<double>(item.exposure.duration()));
         const auto [events, number] =
@@ -219,7 +225,7 @@ io::Recording open_input(const DeblurJob& job) {
     if (!is_recording(job)) {
         recording = one_frame(job);
     } else if (!job.events.empty() || job.exposure) {
-        refuse("-e and --exposure go with a single frame; a recording's folder holds both");
+        refuse("-e and --exposure go with a single frame; a recording holds both");
     } else {
         recording = io::open_recording(job.input);
     }
@@ -235,11 +241,13 @@ std::optional<int64_t> estimate_lag(const io::Recording& recording, Device& devi
 }
 
 ExposureReader::ExposureReader(const DeblurJob& job, const io::Recording& recording, int64_t lag)
-    : job_(job), lag_(lag),
+    : job_(job), recording_(recording), lag_(lag),
       events_(recording.events,
               job.exposure ? io::EventWindows::Reading::sparse : io::EventWindows::Reading::whole) {
     for (const auto& item : recording.items) {
-        check_exposure(item.exposure, lag, events_);
+        if (!recording.frames) { // a camera's own times can lie outside, at the ends
+            check_exposure(item.exposure, lag, events_);
+        }
     }
 }
 
@@ -247,15 +255,16 @@ LoadedExposure ExposureReader::read(const io::Recording::Item& item) {
     const Stopwatch watch;
     LoadedExposure loaded;
     loaded.item = &item;
-    loaded.image = io::read_image(item.image);
+    loaded.image = recording_.read(item);
     io::Image& image = loaded.image;
-    check_image(image, item.image);
+    const std::string name = recording_.full_name(item);
+    check_image(image, name);
     loaded.exposure = later(item.exposure, lag_);
     loaded.recorded = recorded_warning(loaded.exposure, events_);
     const auto [events, first] = events_.read(loaded.exposure);
     io::check_inside(events, image.width, image.height, events_.path(), first);
     if (job_.size) {
-        check_size(*job_.size, image, item.image);
+        check_size(*job_.size, image, name);
         loaded.events = scale_events(events, image.width, image.height, *job_.size);
         image = resize_area(image, *job_.size);
     } else {
@@ -270,22 +279,21 @@ LoadedExposure ExposureReader::read(const io::Recording::Item& item) {
 }
 
 /// One Deblur object serves all exposures, so all images have the first one's size.
-void ExposureReader::check_image(const io::Image& image, const fs::path& path) {
+void ExposureReader::check_image(const io::Image& image, const std::string& name) {
     if (channels_ == 0) {
-        check_sensor(events_, image, path);
+        check_sensor(events_, image, name);
         sensor_ = {image.width, image.height};
         channels_ = image.channels;
     }
     if (image.width != sensor_.width || image.height != sensor_.height) {
-        throw Error(ExitCode::bad_input, path.string() + ": has " +
-                                             size_text(image.width, image.height) +
+        throw Error(ExitCode::bad_input, name + ": has " + size_text(image.width, image.height) +
                                              " pixels, the images before it " +
                                              size_text(sensor_.width, sensor_.height) +
                                              "; a recording has the images of one sensor");
     }
     if (image.channels != channels_) {
         throw Error(ExitCode::bad_input,
-                    path.string() + ": is " + (image.channels == 1 ? "grey" : "colour") +
+                    name + ": is " + (image.channels == 1 ? "grey" : "colour") +
                         ", unlike the images before it; a recording is all grey or all colour");
     }
 }

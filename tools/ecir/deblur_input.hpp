@@ -21,7 +21,7 @@ struct LoadedExposure {
     double read_ms = 0;
 };
 
-/// What a job asks to deblur: a recording's folder, or one image as a recording of one.
+/// What a job asks to deblur: a recording, or one image as a recording of one.
 /// Throws Error: usage for options that do not fit the input and for outputs that would replace
 /// what is read, or each other; bad_input as open_recording() does.
 io::Recording open_input(const DeblurJob& job);
@@ -35,7 +35,8 @@ std::optional<int64_t> estimate_lag(const io::Recording& recording, Device& devi
 class ExposureReader {
 public:
     /// Throws Error(bad_input) for an exposure that lies wholly outside the events, a mistake in
-    /// the clock, and as EventWindows does. `job` and `recording` must live on.
+    /// the clock (which a camera's own file cannot have), and as EventWindows does. `job` and
+    /// `recording` must live on.
     /// lag: of the events, microseconds.
     ExposureReader(const DeblurJob& job, const io::Recording& recording, int64_t lag);
 
@@ -47,9 +48,10 @@ public:
     void finish() { events_.finish(); }
 
 private:
-    void check_image(const io::Image& image, const std::filesystem::path& path);
+    void check_image(const io::Image& image, const std::string& name);
 
     const DeblurJob& job_;
+    const io::Recording& recording_;
     int64_t lag_;
     io::EventWindows events_;
     PixelSize sensor_{}; ///< of the first image

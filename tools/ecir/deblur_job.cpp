@@ -80,6 +80,9 @@ public:
         if (!job_.lag || !job_.report.empty()) {
             lag_ = estimate_lag(recording_, *device_);
         }
+        if (!recording_.note.empty()) {
+            console_.note(recording_.note);
+        }
         tell_lag();
         ExposureReader reader(job_, recording_, job_.lag.value_or(lag_.value_or(0)));
         if (!job_.report.empty()) {
@@ -199,7 +202,7 @@ private:
         try {
             deblur_->begin(loaded.luminance, loaded.events.view(), loaded.exposure, next.times);
         } catch (const Error& error) {
-            throw Error(error.code(), loaded.item->image + ": " + error.what());
+            throw Error(error.code(), recording_.full_name(*loaded.item) + ": " + error.what());
         }
         next.report = report_of(loaded, next.times.size());
         next.report.ms = {.read = loaded.read_ms, .prepare = watch.ms()};
@@ -278,7 +281,7 @@ private:
     }
 
     void tell(const ExposureReport& report) {
-        const std::string& image = report.item->image;
+        const std::string image = recording_.full_name(*report.item);
         for (const SceneWarning& warning : report.warnings) {
             // An exposure without events is told of each time: its frames are not sharp. What else
             // is wrong is mostly so for the whole recording.
@@ -336,10 +339,7 @@ private:
             const double time = deblurred.times[i];
             output.add(
                 sharp,
-                {{},
-                 time,
-                 io::absolute_time(item->exposure, time),
-                 single ? "" : fs::path(item->image).lexically_relative(job_.input).string()});
+                {{}, time, io::absolute_time(item->exposure, time), single ? "" : item->name});
         }
     }
 

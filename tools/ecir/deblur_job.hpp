@@ -11,7 +11,7 @@ namespace ecir::cli {
 
 /// What `ecir deblur` was asked for, checked as far as the options alone tell.
 struct DeblurJob {
-    std::filesystem::path input;      ///< a blurry image, or a recording's folder
+    std::filesystem::path input;      ///< a blurry image, or a recording
     std::filesystem::path events;     ///< of an image
     std::optional<Exposure> exposure; ///< of an image
     std::filesystem::path output;

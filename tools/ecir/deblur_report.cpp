@@ -72,7 +72,7 @@ Json describe_orders(const std::vector<MethodWork>& windows) {
 
 Json describe(const ExposureReport& exposure) {
     Json entry;
-    entry["file"] = std::filesystem::path(exposure.item->image).filename().string();
+    entry["file"] = std::filesystem::path(exposure.item->name).filename().string();
     entry["start_us"] = exposure.item->exposure.start;
     entry["end_us"] = exposure.item->exposure.end;
     entry["scene"] = describe(exposure.facts);

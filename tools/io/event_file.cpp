@@ -6,6 +6,7 @@
 #include <string>
 
 #include "runtime/error.hpp"
+#include "tools/io/aedat4.hpp"
 #include "tools/io/event_formats.hpp"
 #include "tools/io/file.hpp"
 
@@ -15,7 +16,7 @@ namespace fs = std::filesystem;
 
 namespace {
 
-enum class Format { hdf5, text, unknown };
+enum class Format { hdf5, text, aedat4, unknown };
 
 constexpr size_t start_size = 4096;
 
@@ -40,6 +41,9 @@ Format format_of(std::span<const uint8_t> start) {
     if (has_hdf5_signature(start)) {
         return Format::hdf5;
     }
+    if (is_aedat4(start)) {
+        return Format::aedat4;
+    }
     return is_plain_text(start) ? Format::text : Format::unknown;
 }
 
@@ -56,6 +60,8 @@ std::unique_ptr<EventStream> open_events(const fs::path& path) {
         return open_hdf5_events(path);
     case Format::text:
         return open_text_events(path);
+    case Format::aedat4:
+        return open_aedat4_events(path);
     case Format::unknown:
         break;
     }
@@ -86,6 +92,8 @@ bool holds_events(const fs::path& path) {
         return hdf5_holds_events(path);
     case Format::text:
         return text_holds_events(start);
+    case Format::aedat4:
+        return true;
     case Format::unknown:
         break;
     }

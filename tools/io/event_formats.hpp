@@ -59,6 +59,10 @@ std::unique_ptr<EventStream> open_text_events(const std::filesystem::path& path)
 /// blank nor a comment (#) has four numbers, or two integers (the sensor's size).
 bool text_holds_events(std::span<const uint8_t> start);
 
+/// iniVation's AEDAT 4. Of what is passed over, the order of the times is what the file's table
+/// says.
+std::unique_ptr<EventStream> open_aedat4_events(const std::filesystem::path& path);
+
 /// The Error for times that go back at `place` ("event 7" or "line 8"); in microseconds.
 [[noreturn]] void fail_unsorted(const std::filesystem::path& path, const std::string& place,
                                 int64_t before, int64_t time);

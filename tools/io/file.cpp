@@ -59,10 +59,12 @@ const char* remedy(int error_number) {
 }
 
 /// Reads until `bytes` is full or the file ends; returns how many were read.
-size_t read_into(int descriptor, const fs::path& path, std::span<uint8_t> bytes) {
+/// some(to, count, done): as read(2), of what follows the `done` bytes read so far.
+template <class Some>
+size_t read_into(const fs::path& path, std::span<uint8_t> bytes, const Some& some) {
     size_t done = 0;
     while (done < bytes.size()) {
-        const ssize_t got = ::read(descriptor, bytes.data() + done, bytes.size() - done);
+        const ssize_t got = some(bytes.data() + done, bytes.size() - done, done);
         if (got < 0 && errno != EINTR) {
             throw system_error(errno, path, "cannot read");
         }
@@ -72,6 +74,12 @@ size_t read_into(int descriptor, const fs::path& path, std::span<uint8_t> bytes)
         done += got > 0 ? static_cast<size_t>(got) : 0;
     }
     return done;
+}
+
+size_t read_on(int descriptor, const fs::path& path, std::span<uint8_t> bytes) {
+    return read_into(path, bytes, [&](uint8_t* to, size_t count, size_t) {
+        return ::read(descriptor, to, count);
+    });
 }
 
 Descriptor open_input(const fs::path& path) {
@@ -114,7 +122,7 @@ std::vector<uint8_t> read_file(const fs::path& path) {
     // A size of 0 also stands for pipes and the like: those are read in growing steps.
     std::vector<uint8_t> bytes(static_cast<size_t>(about.st_size) + 1);
     size_t done = 0;
-    while ((done += read_into(file.get(), path, std::span(bytes).subspan(done))) == bytes.size()) {
+    while ((done += read_on(file.get(), path, std::span(bytes).subspan(done))) == bytes.size()) {
         bytes.resize(2 * bytes.size() + 4096);
     }
     bytes.resize(done);
@@ -124,8 +132,27 @@ std::vector<uint8_t> read_file(const fs::path& path) {
 std::vector<uint8_t> read_start(const fs::path& path, size_t count) {
     const Descriptor file = open_input(path);
     std::vector<uint8_t> bytes(count);
-    bytes.resize(read_into(file.get(), path, bytes));
+    bytes.resize(read_on(file.get(), path, bytes));
     return bytes;
+}
+
+FileReader::FileReader(fs::path path)
+    : path_(std::move(path)), descriptor_(::open(path_.c_str(), O_RDONLY | O_CLOEXEC)) {
+    struct stat about {};
+    if (descriptor_ < 0 || ::fstat(descriptor_, &about) != 0) {
+        throw system_error(errno, path_, "cannot open");
+    }
+    size_ = about.st_size;
+}
+
+FileReader::~FileReader() {
+    ::close(descriptor_);
+}
+
+size_t FileReader::read(int64_t offset, std::span<uint8_t> bytes) const {
+    return read_into(path_, bytes, [&](uint8_t* to, size_t count, size_t done) {
+        return ::pread(descriptor_, to, count, offset + static_cast<int64_t>(done));
+    });
 }
 
 FileWriter::FileWriter(fs::path path)

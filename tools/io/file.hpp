@@ -21,6 +21,25 @@ std::vector<uint8_t> read_file(const std::filesystem::path& path);
 /// The first bytes, at most `count`. Errors as for read_file.
 std::vector<uint8_t> read_start(const std::filesystem::path& path, size_t count);
 
+/// A file read at any place.
+class FileReader {
+public:
+    /// Errors as for read_file.
+    explicit FileReader(std::filesystem::path path);
+    ~FileReader();
+    FileReader(const FileReader&) = delete;
+    FileReader& operator=(const FileReader&) = delete;
+    [[nodiscard]] const std::filesystem::path& path() const { return path_; }
+    [[nodiscard]] int64_t size() const { return size_; }
+    /// From byte `offset` on, as many as there are; returns how many.
+    [[nodiscard]] size_t read(int64_t offset, std::span<uint8_t> bytes) const;
+
+private:
+    std::filesystem::path path_;
+    int descriptor_;
+    int64_t size_ = 0;
+};
+
 /// A file written part by part in place of what it held. Every write is checked, so a full disk is
 /// an Error(resources); a regular file that was not closed is removed.
 class FileWriter {

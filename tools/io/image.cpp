@@ -102,16 +102,33 @@ cv::Mat decode(const fs::path& path, const std::vector<uint8_t>& bytes, Kind kin
 /// Stored values to [0, 1], colour from OpenCV's BGR order to RGB.
 template <class Stored> void to_floats(const cv::Mat& mat, float range, Image& image) {
     const auto channels = static_cast<size_t>(image.channels);
+    const auto stored = static_cast<size_t>(mat.channels());
     const auto width = static_cast<size_t>(image.width);
     float* out = image.pixels.data();
     for (int row = 0; row < mat.rows; ++row) {
         const auto* in = mat.ptr<Stored>(row);
         for (size_t pixel = 0; pixel < width; ++pixel) {
             for (size_t c = 0; c < channels; ++c) {
-                *out++ = static_cast<float>(in[pixel * channels + channels - 1 - c]) / range;
+                *out++ = static_cast<float>(in[pixel * stored + channels - 1 - c]) / range;
             }
         }
     }
+}
+
+/// Of 8 or 16 bits; a fourth channel is dropped.
+Image to_image(const cv::Mat& mat) {
+    Image image;
+    image.width = mat.cols;
+    image.height = mat.rows;
+    image.channels = std::min(mat.channels(), 3);
+    image.bits = mat.depth() == CV_8U ? 8 : 16;
+    image.pixels.resize(mat.total() * static_cast<size_t>(image.channels));
+    if (image.bits == 8) {
+        to_floats<uint8_t>(mat, 255.0F, image);
+    } else {
+        to_floats<uint16_t>(mat, 65535.0F, image);
+    }
+    return image;
 }
 
 template <class Stored> cv::Mat from_floats(const Image& image, float range) {
@@ -180,18 +197,13 @@ Image read_image(const fs::path& path) {
                                              cv::typeToString(mat.type()) +
                                              "); convert the image to one of these");
     }
-    Image image;
-    image.width = mat.cols;
-    image.height = mat.rows;
-    image.channels = mat.channels();
-    image.bits = mat.depth() == CV_8U ? 8 : 16;
-    image.pixels.resize(mat.total() * static_cast<size_t>(mat.channels()));
-    if (image.bits == 8) {
-        to_floats<uint8_t>(mat, 255.0F, image);
-    } else {
-        to_floats<uint16_t>(mat, 65535.0F, image);
-    }
-    return image;
+    return to_image(mat);
+}
+
+Image image_from_bytes(std::span<const uint8_t> bytes, int width, int height, int channels) {
+    // OpenCV's headers are for reading, too, but take no pointer to const.
+    const cv::Mat mat(height, width, CV_8UC(channels), const_cast<uint8_t*>(bytes.data()));
+    return to_image(mat);
 }
 
 void write_image(const fs::path& path, const Image& image) {

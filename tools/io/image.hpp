@@ -1,5 +1,7 @@
 #pragma once
+#include <cstdint>
 #include <filesystem>
+#include <span>
 #include <vector>
 
 namespace ecir::io {
@@ -16,6 +18,10 @@ struct Image {
 /// Reads PNG, JPEG or TIFF of 8 or 16 bits, grey or colour (alpha is dropped).
 /// Throws Error(bad_input) naming the file when it is missing, truncated or of another kind.
 Image read_image(const std::filesystem::path& path);
+
+/// From bytes as OpenCV stores them: rows of 1 (grey), 3 (BGR) or 4 (BGRA) channels a pixel; alpha
+/// is dropped.
+Image image_from_bytes(std::span<const uint8_t> bytes, int width, int height, int channels);
 
 /// Writes by extension (.png, .tif, .jpg); values are clipped to [0, 1] and rounded to `bits`.
 /// Throws Error(resources) when the disk is full, Error(bad_input) when the folder cannot be

@@ -6,8 +6,10 @@
 #include <string_view>
 
 #include "runtime/error.hpp"
+#include "tools/io/aedat4.hpp"
 #include "tools/io/event_file.hpp"
 #include "tools/io/file.hpp"
+#include "tools/io/recording_formats.hpp"
 
 namespace ecir::io {
 
@@ -82,32 +84,29 @@ private:
                      " us, not after its start at " + std::to_string(exposure.start) + " us",
                  "write the start before the end");
         }
-        items_.push_back({image(trim(line.substr(0, first))), exposure});
+        items_.push_back({image(trim(line.substr(0, first))), exposure, 0});
     }
 
-    std::string image(std::string_view name) const {
+    [[nodiscard]] std::string image(std::string_view name) const {
         const fs::path relative = fs::path(name).lexically_normal();
         if (name.empty() || relative.is_absolute() || *relative.begin() == "..") {
             fail("names the image '" + std::string(name) + "', which is not inside the folder",
                  "put the images into the recording's folder");
         }
-        fs::path full = folder_ / relative;
         std::error_code problem;
-        if (!fs::is_regular_file(full, problem)) {
+        if (!fs::is_regular_file(folder_ / relative, problem)) {
             fail("names the image '" + std::string(name) + "', which is not there",
                  "add the file or remove the line");
         }
-        return full.string();
+        return relative.string();
     }
 
     int64_t number(std::string_view column, const char* name) const {
         const std::string_view text = trim(column);
         int64_t value = 0;
         const auto [end, problem] = std::from_chars(text.data(), text.data() + text.size(), value);
-        // The bound keeps durations within int64.
-        constexpr int64_t most = 4'000'000'000'000'000'000;
-        if (problem != std::errc() || end != text.data() + text.size() || value > most ||
-            value < -most) {
+        if (problem != std::errc() || end != text.data() + text.size() ||
+            value > max_exposure_time || value < -max_exposure_time) {
             fail("has the " + std::string(name) + " '" + std::string(text) +
                      "', which is not an integer of microseconds",
                  "write the time in whole microseconds on the events' clock");
@@ -125,7 +124,7 @@ fs::path find_events(const fs::path& folder, const std::vector<Recording::Item>&
     std::vector<std::string_view> images;
     images.reserve(items.size());
     for (const auto& item : items) {
-        images.push_back(item.image);
+        images.push_back(item.name);
     }
     std::ranges::sort(images);
     std::vector<fs::path> found;
@@ -134,8 +133,7 @@ fs::path find_events(const fs::path& folder, const std::vector<Recording::Item>&
     for (const auto& entry : fs::directory_iterator(folder, problem)) {
         const std::string name = entry.path().filename().string();
         if (entry.is_regular_file(ignored) && name != list_name && !name.starts_with('.') &&
-            !std::ranges::binary_search(images, entry.path().string()) &&
-            holds_events(entry.path())) {
+            !std::ranges::binary_search(images, name) && holds_events(entry.path())) {
             found.push_back(entry.path());
         }
     }
@@ -159,21 +157,39 @@ fs::path find_events(const fs::path& folder, const std::vector<Recording::Item>&
 
 } // namespace
 
-Recording open_recording(const fs::path& folder) {
+std::string Recording::full_name(const Item& item) const {
+    return frames ? place.string() + ", " + item.name : (place / item.name).string();
+}
+
+Image Recording::read(const Item& item) const {
+    return frames ? frames->read(item.frame) : read_image(place / item.name);
+}
+
+bool is_camera_file(const fs::path& path) {
+    constexpr size_t enough = 16;
+    return is_aedat4(read_start(path, enough));
+}
+
+Recording open_recording(const fs::path& path) {
     std::error_code problem;
-    if (!fs::is_directory(folder, problem)) {
-        fail(folder, "not a folder", "give a folder with exposures.csv, images and events");
+    if (fs::is_regular_file(path, problem) && is_camera_file(path)) {
+        return open_aedat4_recording(path);
     }
-    const fs::path list = folder / list_name;
+    if (!fs::is_directory(path, problem)) {
+        fail(path, "not a recording",
+             "give a folder with exposures.csv, images and events, or an AEDAT 4 file");
+    }
+    const fs::path list = path / list_name;
     if (!fs::exists(list, problem)) {
-        fail(folder, "has no exposures.csv",
+        fail(path, "has no exposures.csv",
              "add one with the columns `" + std::string(header) + "`");
     }
     const auto bytes = read_file(list);
     Recording recording;
     recording.items =
-        ListParser(folder).parse({reinterpret_cast<const char*>(bytes.data()), bytes.size()});
-    recording.events = find_events(folder, recording.items);
+        ListParser(path).parse({reinterpret_cast<const char*>(bytes.data()), bytes.size()});
+    recording.events = find_events(path, recording.items);
+    recording.place = path;
     return recording;
 }
 

@@ -7,6 +7,7 @@ build_packages=(
     cmake g++ ninja-build pkg-config
     glslang-tools libspirv-cross-c-shared-dev libvulkan-dev
     libcli11-dev libeigen3-dev libhdf5-dev libopencv-dev nlohmann-json3-dev
+    flatbuffers-compiler libflatbuffers-dev liblz4-dev libzstd-dev
 )
 # lavapipe, the CPU driver, and the open GPU drivers.
 run_packages=(mesa-vulkan-drivers)
