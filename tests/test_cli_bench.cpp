@@ -133,6 +133,7 @@ TEST_SUITE("cli bench") {
 
     TEST_CASE("a comparison needs a report with the same rows") {
         must_fail(3, against("nosuch.json"), {"nosuch.json"});
+        must_fail(3, {"bench", "-m", "nothing"}, {"no model 'nothing'"});
         must_fail(3, against(put(Scene::get().folder / "text.json", "no").string()),
                   {"text.json", "not a report of ecir bench"});
         must_fail(3, against(saved("none.json", {{"device", "x"}, {"ops", json::array()}})),

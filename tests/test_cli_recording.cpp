@@ -52,6 +52,25 @@ TEST_SUITE("cli recording") {
         must(three.deblur(three.scene, "out.mp4", {"--frames", "4"}));
     }
 
+    TEST_CASE("only some exposures of a recording") {
+        const Three& three = Three::get();
+        must(three.deblur(three.scene, "whole", {"--frames", "2"}));
+        for (const auto& [options, count] :
+             {std::pair<Arguments, size_t>{{"--only", "1"}, 2}, {{"--only", "1", "2"}, 4}}) {
+            const std::string out = "only-" + std::to_string(count);
+            must(three.deblur(three.scene, out, Arguments{"--frames", "2"} + options));
+            REQUIRE(names(three.result(out)).size() == count + 1);
+            for (size_t i = 0; i < count; ++i) {
+                CHECK(get(three.result(out) + "/00000" + std::to_string(i) + ".png") ==
+                      get(three.result("whole") + "/00000" + std::to_string(i + 2) + ".png"));
+            }
+        }
+        must_fail(2, three.deblur(three.scene, "far", {"--only", "1", "3"}),
+                  {"3 exposures, 0 to 2"});
+        must_fail(2, three.deblur(three.scene, "turned", {"--only", "2", "1"}), {"first exposure"});
+        must_fail(2, three.deblur(three.scene, "minus", {"--only", "-1"}), {"--only"});
+    }
+
     TEST_CASE("a camera's file gives what its frames and events give in a folder") {
         const Three& three = Three::get();
         must(three.deblur(three.scene, "folder", {"--frames", "4"}));

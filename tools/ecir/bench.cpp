@@ -53,6 +53,9 @@ std::vector<ModelCase> chosen_models(const Options& options, bool sized) {
     }
     std::vector<ModelCase> models;
     for (const std::string& name : names) {
+        if (name != "edi") {
+            (void)find_model(name); // a mistake there shows before anything runs
+        }
         models.push_back(options.model);
         models.back().model = name;
     }

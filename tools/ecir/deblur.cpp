@@ -17,6 +17,7 @@ namespace {
 struct Options {
     DeblurJob job;
     std::vector<std::string> exposure;
+    std::vector<size_t> only;
     std::vector<double> thresholds;
     uint32_t frames = 14;
     double fps = 0;
@@ -85,6 +86,12 @@ DeblurJob to_job(const Options& options) {
         job.exposure = Exposure{parse_time("--exposure", options.exposure[0]),
                                 parse_time("--exposure", options.exposure[1])};
     }
+    if (!options.only.empty()) {
+        job.only = {options.only.front(), options.only.back()};
+        if (job.only->second < job.only->first) {
+            refuse("--only takes the first exposure, then the last, counted from 0");
+        }
+    }
     if (!options.thresholds.empty()) {
         job.deblur.thresholds = {static_cast<float>(options.thresholds.front()),
                                  static_cast<float>(options.thresholds.back())};
@@ -142,6 +149,12 @@ void add_input(CLI::App& command, Options& o) {
         .add_option("--exposure", o.exposure, "Of the image, on the events' clock, microseconds")
         ->expected(2)
         ->option_text("START END")
+        ->group(group);
+    command
+        .add_option("--only", o.only,
+                    "Of a recording: only this exposure, or these, counted from 0")
+        ->expected(1, 2)
+        ->option_text("FIRST [LAST]")
         ->group(group);
     command
         .add_option(

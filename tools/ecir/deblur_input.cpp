@@ -87,6 +87,20 @@ void check_outputs(const DeblurJob& job, const io::Recording& recording) {
     }
 }
 
+/// Leaves the exposures that are asked for.
+void choose(io::Recording& recording, const DeblurJob& job) {
+    const auto [first, last] = *job.only;
+    const size_t count = recording.items.size();
+    if (last >= count) {
+        refuse("--only " + std::to_string(first) + " " + std::to_string(last) + ": " +
+               job.input.string() + " has " + std::to_string(count) + " exposures, 0 to " +
+               std::to_string(count - 1));
+    }
+    const auto begin = recording.items.begin();
+    recording.items = {begin + static_cast<std::ptrdiff_t>(first),
+                       begin + static_cast<std::ptrdiff_t>(last) + 1};
+}
+
 Exposure later(const Exposure& exposure, int64_t lag) {
     return {exposure.start + lag, exposure.end + lag};
 }
@@ -223,6 +237,10 @@ std::optional<int64_t> lag_of_frames(const io::Recording& recording, io::EventWi
 io::Recording open_input(const DeblurJob& job) {
     io::Recording recording;
     if (!is_recording(job)) {
+        if (job.only) {
+            refuse("--only chooses exposures of a recording; " + job.input.string() +
+                   " is a single image");
+        }
         recording = one_frame(job);
     } else if (!job.events.empty() || job.exposure) {
         refuse("-e and --exposure go with a single frame; a recording holds both");
@@ -230,6 +248,9 @@ io::Recording open_input(const DeblurJob& job) {
         recording = io::open_recording(job.input);
     }
     check_outputs(job, recording);
+    if (job.only) {
+        choose(recording, job);
+    }
     return recording;
 }
 

@@ -2,6 +2,7 @@
 #include <filesystem>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "layers/deblur.hpp"
@@ -14,6 +15,8 @@ struct DeblurJob {
     std::filesystem::path input;      ///< a blurry image, or a recording
     std::filesystem::path events;     ///< of an image
     std::optional<Exposure> exposure; ///< of an image
+    /// Of a recording: only these exposures, counted from 0, both ends included.
+    std::optional<std::pair<size_t, size_t>> only;
     std::filesystem::path output;
     std::filesystem::path report; ///< JSON; empty: none
     DeblurOptions deblur;
