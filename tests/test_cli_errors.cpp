@@ -65,7 +65,7 @@ TEST_SUITE("cli errors") {
         must_fail(3, of(scene.folder / "half.png"), {"half.png", "truncated", "; "});
         must_fail(3, of(file("empty.png", "")), {"empty.png", "empty", "; "});
         must_fail(3, of(file("text.png", "not an image")), {"text.png", "PNG", "; "});
-        must_fail(3, of(scene.events), {"events.h5", "PNG", "; "});
+        must_fail(3, of(scene.events), {"events.h5", "holds events", "with -e", "; "});
     }
 
     TEST_CASE("a damaged events file is named, with the place") {

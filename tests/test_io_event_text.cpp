@@ -147,7 +147,8 @@ TEST_SUITE("io") {
         const TemporaryFolder folder;
         const auto png = put(folder / "a.png", std::string("\x89PNG\r\n\x1a\n\0\0", 10));
         check_error(
-            ExitCode::bad_input, [&] { io::read_events(png); }, "a.png", "HDF5 nor text");
+            ExitCode::bad_input, [&] { io::read_events(png); }, "a.png", "neither HDF5",
+            "nor text");
         check_error(
             ExitCode::bad_input, [&] { io::read_events(folder / "none.h5"); }, "none.h5",
             "No such file");

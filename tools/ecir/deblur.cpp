@@ -142,7 +142,9 @@ void add_input(CLI::App& command, Options& o) {
         ->option_text("PATH (required)")
         ->group(group);
     command
-        .add_option("-e,--events", o.job.events, "The image's events: HDF5 (DSEC's layout) or text")
+        .add_option(
+            "-e,--events", o.job.events,
+            "The image's events: HDF5 (DSEC's layout), AEDAT 4, Prophesee's RAW or DAT, or text")
         ->option_text("FILE")
         ->group(group);
     command

@@ -25,6 +25,11 @@ std::string size_text(int width, int height) {
 }
 
 io::Recording one_frame(const DeblurJob& job) {
+    if (fs::is_regular_file(job.input) && io::holds_events(job.input)) {
+        throw Error(ExitCode::bad_input, job.input.string() +
+                                             ": holds events and no frames; give the image with "
+                                             "-i, and this file with -e");
+    }
     if (job.events.empty() || !job.exposure) {
         refuse("a single frame needs its events (-e FILE) and its exposure (--exposure START END); "
                "a recording is a folder with exposures.csv, or an AEDAT 4 file");

@@ -13,9 +13,9 @@ namespace ecir::io {
 /// Whether a file that starts with `start` is of iniVation's AEDAT 4.
 bool is_aedat4(std::span<const uint8_t> start);
 
-/// The packets of one stream of an AEDAT 4 file, found by the file's own table or, where that is not
-/// there (the recording was not ended) or says too little (older versions), by one pass over it. Packets are compressed one by one and
-/// hold a FlatBuffer each (tools/io/aedat4.fbs).
+/// The packets of one stream of an AEDAT 4 file, found by the file's own table or, where that is
+/// not there (the recording was not ended) or says too little (older versions), by one pass over
+/// it. Packets are compressed one by one and hold a FlatBuffer each (tools/io/aedat4.fbs).
 class Aedat4Stream {
 public:
     enum class Kind { events, frames };

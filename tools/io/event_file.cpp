@@ -16,7 +16,7 @@ namespace fs = std::filesystem;
 
 namespace {
 
-enum class Format { hdf5, text, aedat4, unknown };
+enum class Format { hdf5, text, aedat4, prophesee, unknown };
 
 constexpr size_t start_size = 4096;
 
@@ -44,6 +44,9 @@ Format format_of(std::span<const uint8_t> start) {
     if (is_aedat4(start)) {
         return Format::aedat4;
     }
+    if (is_prophesee(start)) {
+        return Format::prophesee;
+    }
     return is_plain_text(start) ? Format::text : Format::unknown;
 }
 
@@ -62,13 +65,16 @@ std::unique_ptr<EventStream> open_events(const fs::path& path) {
         return open_text_events(path);
     case Format::aedat4:
         return open_aedat4_events(path);
+    case Format::prophesee:
+        return open_prophesee_events(path);
     case Format::unknown:
         break;
     }
-    throw Error(ExitCode::bad_input,
-                path.string() +
-                    ": not an events file: neither HDF5 nor text; convert the recording "
-                    "to HDF5 (/events/t, x, y, p) or text (t x y p a line)");
+    throw Error(
+        ExitCode::bad_input,
+        path.string() +
+            ": not an events file: neither HDF5, AEDAT 4, Prophesee's RAW or DAT, nor text; "
+            "convert the recording to HDF5 (/events/t, x, y, p) or text (t x y p a line)");
 }
 
 EventFile read_events(const fs::path& path) {
@@ -93,6 +99,7 @@ bool holds_events(const fs::path& path) {
     case Format::text:
         return text_holds_events(start);
     case Format::aedat4:
+    case Format::prophesee:
         return true;
     case Format::unknown:
         break;

@@ -19,9 +19,10 @@ struct TimeSpan {
     int64_t last = 0;
 };
 
-/// Reads HDF5 (DSEC's layout) or text (`t x y p` a line, seconds), told apart by content.
-/// Checked: arrays of one length, times in order, p in {0, 1} (text: also {-1, 1}), numbers finite.
-/// Throws Error(bad_input) with file, the first offending index or line, and a remedy.
+/// Reads HDF5 (DSEC's layout), AEDAT 4, Prophesee's RAW and DAT, or text (`t x y p` a line,
+/// seconds), told apart by content. Checked: arrays of one length, times in order, p in {0, 1}
+/// (text: also {-1, 1}), numbers finite. Throws Error(bad_input) with file, the first offending
+/// index or line, and a remedy.
 EventFile read_events(const std::filesystem::path& path);
 
 /// Whether the content is that of an events file (which may still turn out to be damaged).

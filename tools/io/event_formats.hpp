@@ -63,6 +63,13 @@ bool text_holds_events(std::span<const uint8_t> start);
 /// says.
 std::unique_ptr<EventStream> open_aedat4_events(const std::filesystem::path& path);
 
+/// Prophesee's files: RAW with EVT 2.0, 2.1 or 3.0 words, or DAT with contrast events. The times
+/// are those of the camera's clock.
+std::unique_ptr<EventStream> open_prophesee_events(const std::filesystem::path& path);
+
+/// Whether a file that starts with `start` is one of those: it has their header, lines with %.
+bool is_prophesee(std::span<const uint8_t> start);
+
 /// The Error for times that go back at `place` ("event 7" or "line 8"); in microseconds.
 [[noreturn]] void fail_unsorted(const std::filesystem::path& path, const std::string& place,
                                 int64_t before, int64_t time);

@@ -15,6 +15,7 @@
 #include "tools/io/decimal.hpp"
 #include "tools/io/event_formats.hpp"
 #include "tools/io/file.hpp"
+#include "tools/io/marks.hpp"
 
 namespace ecir::io {
 
@@ -208,7 +209,7 @@ public:
         if (ended_) {
             return false;
         }
-        mark();
+        marks_.add(parser_.place());
         const size_t got = std::fread(block_.data() + kept_, 1, block_.size() - kept_, file_.get());
         ended_ = got == 0;
         if (ended_ && std::ferror(file_.get()) != 0) {
@@ -236,8 +237,7 @@ public:
     [[nodiscard]] size_t position() const override { return parser_.place().events; }
 
     void seek(int64_t time) override {
-        const auto later = std::ranges::lower_bound(marks_, time, {}, &Place::last);
-        const Place best = later == marks_.begin() ? Place{} : *std::prev(later);
+        const Place best = marks_.before(time, {});
         if (parser_.place().last >= time || parser_.place().offset < best.offset) {
             go(best);
         }
@@ -274,23 +274,6 @@ private:
         void operator()(std::FILE* file) const { (void)std::fclose(file); }
     };
 
-    /// Remembers where a block begins, for going back: few places, whatever the file's length.
-    void mark() {
-        constexpr size_t most = 1024;
-        const Place& place = parser_.place();
-        if (!marks_.empty() && place.offset < marks_.back().offset + spacing_) {
-            return;
-        }
-        if (marks_.size() == most) {
-            for (size_t i = 0; i < most / 2; ++i) {
-                marks_[i] = marks_[2 * i];
-            }
-            marks_.resize(most / 2);
-            spacing_ *= 2;
-        }
-        marks_.push_back(place);
-    }
-
     void go(const Place& place) {
         if (std::fseek(file_.get(), place.offset, SEEK_SET) != 0) {
             throw system_error(errno, path_, "cannot read");
@@ -323,8 +306,7 @@ private:
     size_t kept_ = 0; ///< bytes at the block's front that were read but not parsed
     bool ended_ = false;
     std::optional<int64_t> first_;
-    std::vector<Place> marks_; ///< ascending
-    long spacing_ = 1L << 22U; ///< bytes between marks
+    Marks<Place> marks_;
 };
 
 } // namespace

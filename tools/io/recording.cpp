@@ -141,7 +141,7 @@ fs::path find_events(const fs::path& folder, const std::vector<Recording::Item>&
         throw system_error(problem.value(), folder, "cannot list");
     }
     if (found.empty()) {
-        fail(folder, "no events file (HDF5 or text) in the recording",
+        fail(folder, "no events file in the recording",
              "add the recording's events");
     }
     if (found.size() > 1) {

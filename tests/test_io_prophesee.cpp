@@ -1,0 +1,290 @@
+#include <array>
+#include <cstdlib>
+#include <doctest/doctest.h>
+#include <nlohmann/json.hpp>
+#include <numeric>
+
+#include "tests/test_io_support.hpp"
+#include "tools/io/event_windows.hpp"
+
+using namespace ecir;
+using namespace ecir::test;
+namespace fs = std::filesystem;
+
+namespace {
+
+/// Appends words as a camera does.
+template <class Word> class Words {
+public:
+    void add(uint64_t word) {
+        const auto value = static_cast<Word>(word);
+        bytes_.append(reinterpret_cast<const char*>(&value), sizeof(value));
+    }
+    [[nodiscard]] const std::string& bytes() const { return bytes_; }
+
+private:
+    std::string bytes_;
+};
+
+std::string evt2(const Events& events) {
+    Words<uint32_t> words;
+    words.add(1U << 28U); // an event before the first time
+    int64_t high = -1;
+    for (size_t i = 0; i < events.size(); ++i) {
+        if (events.t[i] / 64 != high) {
+            high = events.t[i] / 64;
+            words.add(0x80000000U | (static_cast<uint64_t>(high) & 0xfffffffU));
+            words.add(0xa0000001U); // a trigger
+        }
+        words.add((uint64_t{events.p[i]} << 28U) |
+                  (static_cast<uint64_t>(events.t[i] % 64) << 22U) |
+                  (uint64_t{events.x[i]} << 11U) | events.y[i]);
+    }
+    return words.bytes();
+}
+
+/// A word for each event, or for two where they are neighbours.
+std::string evt21(const Events& events, bool swapped) {
+    Words<uint64_t> words;
+    const auto add = [&](uint64_t word) {
+        words.add(swapped ? (word << 32U) | (word >> 32U) : word);
+    };
+    int64_t high = -1;
+    for (size_t i = 0; i < events.size();) {
+        if (events.t[i] / 64 != high) {
+            high = events.t[i] / 64;
+            add((uint64_t{8} << 60U) | (static_cast<uint64_t>(high) << 32U));
+            add(uint64_t{0xe} << 60U);
+        }
+        const auto first = static_cast<uint16_t>(events.x[i] / 32 * 32);
+        uint64_t valid = 0;
+        const size_t from = i;
+        do {
+            valid |= uint64_t{1} << (events.x[i] - first);
+            ++i;
+        } while (i < events.size() && events.t[i] == events.t[from] &&
+                 events.y[i] == events.y[from] && events.p[i] == events.p[from] &&
+                 events.x[i] > events.x[i - 1] && events.x[i] < first + 32);
+        add((uint64_t{events.p[from]} << 60U) |
+            (static_cast<uint64_t>(events.t[from] % 64) << 54U) | (uint64_t{first} << 43U) |
+            (uint64_t{events.y[from]} << 32U) | valid);
+    }
+    return words.bytes();
+}
+
+/// Single events, or vectors of 12 and 8 where neighbours follow.
+std::string evt3(const Events& events) {
+    Words<uint16_t> words;
+    words.add(0x2001); // before the first time and row
+    int64_t high = -1;
+    int64_t low = -1;
+    int row = -1;
+    for (size_t i = 0; i < events.size();) {
+        const int64_t t = events.t[i];
+        if (t / 4096 != high) {
+            high = t / 4096;
+            low = 0;
+            words.add(0x8000U | (static_cast<uint64_t>(high) & 0xfffU));
+        }
+        if (t % 4096 != low) {
+            low = t % 4096;
+            words.add(0x6000U | static_cast<uint64_t>(low));
+            words.add(0x8000U | (static_cast<uint64_t>(high) & 0xfffU)); // said again
+        }
+        if (events.y[i] != row) {
+            row = events.y[i];
+            words.add(static_cast<uint64_t>(row));
+        }
+        const size_t from = i;
+        uint64_t valid = 0;
+        do {
+            valid |= uint64_t{1} << (events.x[i] - events.x[from]);
+            ++i;
+        } while (i < events.size() && events.t[i] == t && events.y[i] == row &&
+                 events.p[i] == events.p[from] && events.x[i] > events.x[i - 1] &&
+                 events.x[i] < events.x[from] + 20);
+        const uint64_t place = (uint64_t{events.p[from]} << 11U) | events.x[from];
+        if (valid == 1) {
+            words.add(0x2000U | place);
+        } else {
+            words.add(0x3000U | place);
+            words.add(0x4000U | (valid & 0xfffU));
+            words.add(0x5000U | (valid >> 12U));
+        }
+        words.add(0xa101); // a trigger
+    }
+    return words.bytes();
+}
+
+std::string dat(const Events& events) {
+    Words<uint64_t> words;
+    for (size_t i = 0; i < events.size(); ++i) {
+        words.add((static_cast<uint64_t>(events.t[i]) & 0xffffffffU) |
+                  (uint64_t{events.x[i]} << 32U) | (uint64_t{events.y[i]} << 46U) |
+                  (uint64_t{events.p[i]} << 60U));
+    }
+    return words.bytes();
+}
+
+/// Bursts of a row, some of them neighbours, 50 s long: EVT 3's clock turns round twice.
+Events bursts() {
+    Events events;
+    for (size_t i = 0; i < 400'000; ++i) {
+        const size_t burst = i / 8;
+        events.push_back(5'000'000 + static_cast<int64_t>(burst) * 1009,
+                         static_cast<uint16_t>(burst * 37 % 1200 + (i % 8) * (1 + burst % 3)),
+                         static_cast<uint16_t>(burst * 11 % 720),
+                         static_cast<uint8_t>(burst % 3 > 0));
+    }
+    return events;
+}
+
+bool equal(const EventView& a, const EventView& b) {
+    return std::ranges::equal(a.t, b.t) && std::ranges::equal(a.x, b.x) &&
+           std::ranges::equal(a.y, b.y) && std::ranges::equal(a.p, b.p);
+}
+
+const std::string kDatHeader = "% Data file containing CD events\n% Version 2\n% Width 1280\n"
+                               "% Height 720\n";
+const std::string kDatType("\x0c\x08", 2);
+
+/// One recording in every format.
+struct Files {
+    TemporaryFolder folder;
+    Events events = bursts();
+    std::vector<fs::path> paths;
+    Files() {
+        const auto add = [&](const char* name, const std::string& header,
+                             const std::string& words) {
+            paths.push_back(put(folder / name, header + words));
+        };
+        add("old2", "% Date 2020-09-25 07:48:31\n% evt 2.0\n% geometry 1280x720\n", evt2(events));
+        add("new2", "% evt 2.0\n% format EVT2;height=720;width=1280\n% end\n", evt2(events));
+        add("new21", "% format EVT21;height=720;width=1280\n% end\n", evt21(events, false));
+        add("swapped", "% format EVT21;height=720;width=1280;endianness=legacy\n% end\n",
+            evt21(events, true));
+        add("old3", "% evt 3.0\r\n% geometry 1280x720\r\n", evt3(events));
+        add("new3", "% format EVT3;height=720;width=1280\n% end\n", evt3(events));
+        add("dat", kDatHeader, kDatType + dat(events));
+    }
+    static Files& get() {
+        static Files files;
+        return files;
+    }
+};
+
+} // namespace
+
+TEST_SUITE("io") {
+    TEST_CASE("Prophesee: events come back from every format") {
+        const Files& files = Files::get();
+        for (const fs::path& path : files.paths) {
+            CAPTURE(path.string());
+            CHECK(io::holds_events(path));
+            const io::EventFile file = io::read_events(path);
+            CHECK(equal(file.events.view(), files.events.view()));
+            CHECK(file.width == 1280);
+            CHECK(file.height == 720);
+            // A recording that broke off within a word.
+            const std::string bytes = test::get(path);
+            const auto cut = put(files.folder / "cut", bytes.substr(0, bytes.size() - 1));
+            const size_t lost = files.events.size() - io::read_events(cut).events.size();
+            CHECK(lost <= 8); // the last word's
+        }
+    }
+
+    TEST_CASE("Prophesee: the events of exposures, in any order") {
+        const Files& files = Files::get();
+        const int64_t start = files.events.t.front();
+        for (const fs::path& path : files.paths) {
+            for (const auto reading :
+                 {io::EventWindows::Reading::whole, io::EventWindows::Reading::sparse}) {
+                io::EventWindows windows(path, reading);
+                REQUIRE(windows.span().has_value());
+                CHECK(windows.span()->first == start);
+                CHECK(windows.span()->last == files.events.t.back());
+                for (const auto& [after, length] :
+                     std::vector<std::pair<int64_t, int64_t>>{{0, 40'000},
+                                                              {30'000, 20'000},
+                                                              {40'000'000, 100'000},
+                                                              {16'000'000, 2'000'000},
+                                                              {-10, 5},
+                                                              {50'450'000, 1'000}}) {
+                    CAPTURE(path.string());
+                    const int64_t first = after;
+                    CAPTURE(first);
+                    const Exposure exposure{start + first, start + first + length};
+                    const EventView expected = window(files.events.view(), exposure);
+                    const auto found = windows.read(exposure);
+                    REQUIRE(equal(found.events, expected));
+                    if (expected.size() > 0) {
+                        CHECK(found.first ==
+                              static_cast<size_t>(expected.t.data() - files.events.t.data()));
+                    }
+                }
+                CHECK_NOTHROW(windows.finish());
+            }
+        }
+    }
+
+    TEST_CASE("Prophesee: clocks of 34 and 32 bits turn round") {
+        const TemporaryFolder folder;
+        for (const int64_t turn : {int64_t{1} << 34U, int64_t{1} << 32U}) {
+            Events events;
+            for (const int64_t t : {turn - 900, turn - 3, turn + 5, turn + 800}) {
+                events.push_back(t, 3, 4, 1);
+            }
+            const auto path = turn == int64_t{1} << 34U
+                                  ? put(folder / "evt2", "% evt 2.0\n" + evt2(events))
+                                  : put(folder / "dat", kDatHeader + kDatType + dat(events));
+            CHECK(equal(io::read_events(path).events.view(), events.view()));
+        }
+    }
+
+    TEST_CASE("Prophesee: what is wrong with a file is said") {
+        const TemporaryFolder folder;
+        const auto bad = [&](const std::string& content, auto... parts) {
+            const auto path = put(folder / "bad.raw", content);
+            check_error(
+                ExitCode::bad_input, [&] { io::read_events(path); }, path.string(),
+                std::string(parts)...);
+        };
+        bad("% Date 2020-09-25", "does not end");
+        bad("% Date 2020-09-25\n", "names no format");
+        bad("% evt 4.0\n", "format '4.0'", "2.0, 2.1 and 3.0");
+        bad("% evt 3.0\n% format HISTO3D;width=320\n% end\n", "format 'HISTO3D'");
+        bad("% Version 1\n" + kDatType, "version '1'");
+        bad(kDatHeader, "ends in its header");
+        bad(kDatHeader + std::string("\x0e\x08", 2), "type 14 with 8 bytes");
+        Events back = many_events(9);
+        std::swap(back.t[2], back.t[7]);
+        bad(kDatHeader + kDatType + dat(back), "go back", "event 3");
+        CHECK(io::read_events(put(folder / "none.raw", "% evt 3.0\n")).events.size() == 0);
+    }
+
+    TEST_CASE("Prophesee: cameras' own files") {
+        const char* data = std::getenv("ECIR_TEST_RECORDINGS");
+        const fs::path folder = data == nullptr ? fs::path() : fs::path(data) / "formats";
+        if (!fs::is_directory(folder)) {
+            MESSAGE("no recordings here; set ECIR_TEST_RECORDINGS to run this");
+            return;
+        }
+        const auto all = nlohmann::json::parse(test::get(folder / "expected.json"));
+        for (const char* name : {"gen3_evt2.raw", "gen41_evt3.raw", "ncars.dat"}) {
+            CAPTURE(name);
+            const auto& expected = all[name];
+            const Events events = io::read_events(folder / name).events;
+            REQUIRE(events.size() == expected["events"]);
+            CHECK(std::ranges::count(events.p, 1) == expected["on"]);
+            CHECK(events.t.front() == expected["first_t"]);
+            CHECK(events.t.back() == expected["last_t"]);
+            const auto sum = [](const auto& values) {
+                return std::accumulate(values.begin(), values.end(), int64_t{0});
+            };
+            CHECK(sum(events.x) == expected["sum_x"]);
+            CHECK(sum(events.y) == expected["sum_y"]);
+            CHECK(sum(events.t) - events.t.front() * static_cast<int64_t>(events.size()) ==
+                  expected["sum_t_minus_first"]);
+        }
+    }
+}
