@@ -20,6 +20,12 @@ public:
         const auto value = static_cast<Word>(word);
         bytes_.append(reinterpret_cast<const char*>(&value), sizeof(value));
     }
+    /// Words that are no events, so many that readers keep places within the file to go back to.
+    void pass_over(uint64_t word) {
+        for (int i = 0; i < 20; ++i) {
+            add(word);
+        }
+    }
     [[nodiscard]] const std::string& bytes() const { return bytes_; }
 
 private:
@@ -34,7 +40,7 @@ std::string evt2(const Events& events) {
         if (events.t[i] / 64 != high) {
             high = events.t[i] / 64;
             words.add(0x80000000U | (static_cast<uint64_t>(high) & 0xfffffffU));
-            words.add(0xa0000001U); // a trigger
+            words.pass_over(0xa0000001U); // triggers
         }
         words.add((uint64_t{events.p[i]} << 28U) |
                   (static_cast<uint64_t>(events.t[i] % 64) << 22U) |
@@ -54,7 +60,7 @@ std::string evt21(const Events& events, bool swapped) {
         if (events.t[i] / 64 != high) {
             high = events.t[i] / 64;
             add((uint64_t{8} << 60U) | (static_cast<uint64_t>(high) << 32U));
-            add(uint64_t{0xe} << 60U);
+            words.pass_over((uint64_t{0xe} << 60U) | (uint64_t{0xe} << 28U)); // either way round
         }
         const auto first = static_cast<uint16_t>(events.x[i] / 32 * 32);
         uint64_t valid = 0;
@@ -111,7 +117,7 @@ std::string evt3(const Events& events) {
             words.add(0x4000U | (valid & 0xfffU));
             words.add(0x5000U | (valid >> 12U));
         }
-        words.add(0xa101); // a trigger
+        words.pass_over(0xa101); // triggers
     }
     return words.bytes();
 }
@@ -126,10 +132,10 @@ std::string dat(const Events& events) {
     return words.bytes();
 }
 
-/// Bursts of a row, some of them neighbours, 50 s long: EVT 3's clock turns round twice.
+/// Bursts of a row, some of them neighbours, 100 s long: EVT 3's clock turns round six times.
 Events bursts() {
     Events events;
-    for (size_t i = 0; i < 400'000; ++i) {
+    for (size_t i = 0; i < 800'000; ++i) {
         const size_t burst = i / 8;
         events.push_back(5'000'000 + static_cast<int64_t>(burst) * 1009,
                          static_cast<uint16_t>(burst * 37 % 1200 + (i % 8) * (1 + burst % 3)),
@@ -157,6 +163,7 @@ struct Files {
         const auto add = [&](const char* name, const std::string& header,
                              const std::string& words) {
             paths.push_back(put(folder / name, header + words));
+            REQUIRE(words.size() > (size_t{5} << 20U)); // more than the places kept are apart
         };
         add("old2", "% Date 2020-09-25 07:48:31\n% evt 2.0\n% geometry 1280x720\n", evt2(events));
         add("new2", "% evt 2.0\n% format EVT2;height=720;width=1280\n% end\n", evt2(events));
@@ -209,7 +216,9 @@ TEST_SUITE("io") {
                                                               {40'000'000, 100'000},
                                                               {16'000'000, 2'000'000},
                                                               {-10, 5},
-                                                              {50'450'000, 1'000}}) {
+                                                              {100'890'000, 1'000},
+                                                              {90'000'000, 100'000},
+                                                              {70'000'000, 100'000}}) {
                     CAPTURE(path.string());
                     const int64_t first = after;
                     CAPTURE(first);
@@ -225,6 +234,26 @@ TEST_SUITE("io") {
                 CHECK_NOTHROW(windows.finish());
             }
         }
+    }
+
+    TEST_CASE("Prophesee: single events leave EVT 3.0's vectors where they are") {
+        Words<uint16_t> words;
+        for (const uint64_t word : {
+                 0x8001, 0x6002, 0x0007, // time 4098, row 7
+                 0x3864, 0x4001,         // brighter from 100 on, the first of 12
+                 0x2005,                 // darker at 5
+                 0x5080,                 // from 112 on, the last of 8
+                 0x4002,                 // from 120 on, the second of 12
+             }) {
+            words.add(word);
+        }
+        const TemporaryFolder folder;
+        const Events events =
+            io::read_events(put(folder / "mixed", "% evt 3.0\n" + words.bytes())).events;
+        CHECK(events.t == std::vector<int64_t>(4, 4098));
+        CHECK(events.x == std::vector<uint16_t>{100, 5, 119, 121});
+        CHECK(events.y == std::vector<uint16_t>(4, 7));
+        CHECK(events.p == std::vector<uint8_t>{1, 0, 1, 1});
     }
 
     TEST_CASE("Prophesee: clocks of 34 and 32 bits turn round") {
@@ -253,6 +282,7 @@ TEST_SUITE("io") {
         bad("% Date 2020-09-25\n", "names no format");
         bad("% evt 4.0\n", "format '4.0'", "2.0, 2.1 and 3.0");
         bad("% evt 3.0\n% format HISTO3D;width=320\n% end\n", "format 'HISTO3D'");
+        bad("% format EVT21;endianness=big\n% end\n", "byte order 'big'");
         bad("% Version 1\n" + kDatType, "version '1'");
         bad(kDatHeader, "ends in its header");
         bad(kDatHeader + std::string("\x0e\x08", 2), "type 14 with 8 bytes");
@@ -276,8 +306,14 @@ TEST_SUITE("io") {
             const Events events = io::read_events(folder / name).events;
             REQUIRE(events.size() == expected["events"]);
             CHECK(std::ranges::count(events.p, 1) == expected["on"]);
-            CHECK(events.t.front() == expected["first_t"]);
-            CHECK(events.t.back() == expected["last_t"]);
+            CHECK(std::ranges::count(events.p, 0) == expected["off"]);
+            const auto event = [&](size_t i) {
+                return std::array<int64_t, 4>{events.t[i], events.x[i], events.y[i], events.p[i]};
+            };
+            for (size_t i = 0; i < 3; ++i) {
+                CHECK(event(i) == expected["first_events_txyp"][i]);
+            }
+            CHECK(event(events.size() - 1) == expected["last_event_txyp"]);
             const auto sum = [](const auto& values) {
                 return std::accumulate(values.begin(), values.end(), int64_t{0});
             };

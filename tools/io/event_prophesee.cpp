@@ -229,11 +229,16 @@ std::unique_ptr<EventStream> open_prophesee_events(const fs::path& path) {
     const Header header = read_header(file);
     const std::string format = header.get("format");
     const std::string version = header.get("evt");
+    const std::string order = header.get("endianness");
+    if (!order.empty() && order != "little" && order != "legacy") {
+        fail(path, "its header names the byte order '" + order + "', not little or legacy",
+             "record it again with the sensor's usual byte order");
+    }
     if (format == "EVT2" || (format.empty() && version == "2.0")) {
         return std::make_unique<PropheseeEvents<Evt2Words>>(path, header, header.size);
     }
     if (format == "EVT21" || (format.empty() && version == "2.1")) {
-        if (header.get("endianness") == "legacy") {
+        if (order == "legacy") {
             return std::make_unique<PropheseeEvents<Evt21Words<true>>>(path, header, header.size);
         }
         return std::make_unique<PropheseeEvents<Evt21Words<false>>>(path, header, header.size);

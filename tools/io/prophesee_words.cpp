@@ -71,10 +71,11 @@ void Evt3Words::decode(std::span<const uint8_t> words, Events& out) {
             y_ = coordinate(value, 0);
             row_known_ = true;
             break;
-        case 0x2: // event
-            x_ = coordinate(value, 0);
-            positive_ = static_cast<uint8_t>(bits(value, 11, 1));
-            vector(1, 0, out);
+        case 0x2: // event; the vectors' place stays where it is
+            if (high_.known() && row_known_) {
+                out.push_back(time_, coordinate(value, 0), y_,
+                              static_cast<uint8_t>(bits(value, 11, 1)));
+            }
             break;
         case 0x3: // where vectors begin
             x_ = coordinate(value, 0);

@@ -65,9 +65,9 @@ private:
 
     TurningTime<12> high_;
     int64_t time_ = 0;
-    uint16_t x_ = 0;
+    uint16_t x_ = 0; ///< where the next vector begins
     uint16_t y_ = 0;
-    uint8_t positive_ = 0;
+    uint8_t positive_ = 0; ///< of vectors
     bool row_known_ = false;
 };
 
