@@ -170,6 +170,7 @@ struct Files {
         add("new21", "% format EVT21;height=720;width=1280\n% end\n", evt21(events, false));
         add("swapped", "% format EVT21;height=720;width=1280;endianness=legacy\n% end\n",
             evt21(events, true));
+        add("older", "% evt 2.1\n% system_ID 49\n% geometry 1280x720\n", evt21(events, true));
         add("old3", "% evt 3.0\r\n% geometry 1280x720\r\n", evt3(events));
         add("new3", "% format EVT3;height=720;width=1280\n% end\n", evt3(events));
         add("dat", kDatHeader, kDatType + dat(events));
@@ -254,6 +255,24 @@ TEST_SUITE("io") {
         CHECK(events.x == std::vector<uint16_t>{100, 5, 119, 121});
         CHECK(events.y == std::vector<uint16_t>(4, 7));
         CHECK(events.p == std::vector<uint8_t>{1, 0, 1, 1});
+    }
+
+    TEST_CASE("Prophesee: faults of the transmission are passed over") {
+        const TemporaryFolder folder;
+        Words<uint16_t> words;
+        for (const uint64_t word : {0x8005, 0x6001, 0x0007, 0x2003, // time 20481, (3, 7)
+                                    0x8004, 0x6002, 0x2004,         // high bits go back: 20482
+                                    0x00f7, 0x2005, 0x0008,         // row 247 of 240
+                                    0x2140, 0x2006}) {              // column 320 of 320
+            words.add(word);
+        }
+        const Events events =
+            io::read_events(
+                put(folder / "evt3", "% format EVT3;height=240;width=320\n% end\n" + words.bytes()))
+                .events;
+        CHECK(events.t == std::vector<int64_t>{20481, 20482, 20482});
+        CHECK(events.x == std::vector<uint16_t>{3, 4, 6});
+        CHECK(events.y == std::vector<uint16_t>{7, 7, 8});
     }
 
     TEST_CASE("Prophesee: clocks of 34 and 32 bits turn round") {

@@ -35,13 +35,13 @@ struct Header {
         const auto found = values.find(key);
         return found == values.end() ? std::string() : found->second;
     }
-    /// Of the sensor: in pixels, from whichever line states it.
-    [[nodiscard]] std::optional<int> side(const std::string& key) const {
+    /// A whole number above 0, such as the sensor's width.
+    [[nodiscard]] std::optional<int> positive(const std::string& key) const {
         const std::string text = get(key);
-        int side = 0;
-        const auto [end, problem] = std::from_chars(text.data(), text.data() + text.size(), side);
-        return problem == std::errc() && end == text.data() + text.size() && side > 0
-                   ? std::optional(side)
+        int number = 0;
+        const auto [end, problem] = std::from_chars(text.data(), text.data() + text.size(), number);
+        return problem == std::errc() && end == text.data() + text.size() && number > 0
+                   ? std::optional(number)
                    : std::nullopt;
     }
 };
@@ -107,7 +107,7 @@ Header read_header(const FileReader& file) {
 template <class Words> class PropheseeEvents final : public EventStream {
 public:
     PropheseeEvents(const fs::path& path, const Header& header, int64_t begin)
-        : file_(path), width_(header.side("width")), height_(header.side("height")),
+        : file_(path), width_(header.positive("width")), height_(header.positive("height")),
           block_(size_t{1} << 20U) {
         start_.offset = begin;
         place_ = start_;
@@ -123,6 +123,7 @@ public:
         const size_t had = out.size();
         place_.words.decode(std::span<const uint8_t>(block_).first(whole), out);
         place_.offset += static_cast<int64_t>(whole);
+        drop_outside(out, had);
         for (size_t i = had; i < out.size(); ++i) {
             if (out.t[i] < place_.last) {
                 fail_unsorted(file_.path(), "event " + std::to_string(place_.events), place_.last,
@@ -147,7 +148,7 @@ public:
     void finish() override {
         Events passed;
         while (read(passed)) {
-            clear(passed);
+            resize(passed, 0);
         }
     }
 
@@ -161,7 +162,7 @@ public:
             if (passed.size() > 0) {
                 span = TimeSpan{span ? span->first : passed.t.front(), passed.t.back()};
             }
-            clear(passed);
+            resize(passed, 0);
         }
         place_ = start_;
         return span;
@@ -178,12 +179,30 @@ private:
         Words words;
     };
 
+    /// Events beyond the sensor's stated size, which are faults of the transmission; the vendor's
+    /// own decoder drops them.
+    void drop_outside(Events& events, size_t first) const {
+        const int width = width_.value_or(std::numeric_limits<int>::max());
+        const int height = height_.value_or(std::numeric_limits<int>::max());
+        size_t kept = first;
+        for (size_t i = first; i < events.size(); ++i) {
+            if (events.x[i] < width && events.y[i] < height) {
+                events.t[kept] = events.t[i];
+                events.x[kept] = events.x[i];
+                events.y[kept] = events.y[i];
+                events.p[kept] = events.p[i];
+                ++kept;
+            }
+        }
+        resize(events, kept);
+    }
+
     /// Keeps what was allocated.
-    static void clear(Events& events) {
-        events.t.clear();
-        events.x.clear();
-        events.y.clear();
-        events.p.clear();
+    static void resize(Events& events, size_t count) {
+        events.t.resize(count);
+        events.x.resize(count);
+        events.y.resize(count);
+        events.p.resize(count);
     }
 
     FileReader file_;
@@ -194,6 +213,13 @@ private:
     Place place_;
     Marks<Place> marks_;
 };
+
+/// Systems that wrote EVT 2.1 before headers stated the order of its halves.
+bool is_older(const Header& header) {
+    constexpr int last_of_them = 54;
+    const auto system = header.positive("system_ID");
+    return system && *system <= last_of_them;
+}
 
 std::unique_ptr<EventStream> open_dat(const FileReader& file, const Header& header) {
     constexpr uint8_t generic = 0;
@@ -238,7 +264,7 @@ std::unique_ptr<EventStream> open_prophesee_events(const fs::path& path) {
         return std::make_unique<PropheseeEvents<Evt2Words>>(path, header, header.size);
     }
     if (format == "EVT21" || (format.empty() && version == "2.1")) {
-        if (order == "legacy") {
+        if (order == "legacy" || (order.empty() && is_older(header))) {
             return std::make_unique<PropheseeEvents<Evt21Words<true>>>(path, header, header.size);
         }
         return std::make_unique<PropheseeEvents<Evt21Words<false>>>(path, header, header.size);

@@ -10,9 +10,8 @@ namespace ecir::io {
 class EventStream;
 
 /// The events of one exposure after another, out of a file that need not fit into memory: what is
-/// held is one exposure's events and a block of the file (a quarter of a million events, or a chunk
-/// of HDF5 where that is more). Exposures may overlap and come in any order; ascending ones read
-/// the file once.
+/// held is one exposure's events and a block of the file (a megabyte of it, a packet, or a chunk of
+/// HDF5). Exposures may overlap and come in any order; ascending ones read the file once.
 ///
 /// Checks, as for read_events(): of the events of an exposure, and of those in the same block,
 /// everything. Between exposures and behind the last one the order of the times alone (text:

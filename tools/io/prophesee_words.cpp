@@ -1,5 +1,6 @@
 #include "tools/io/prophesee_words.hpp"
 
+#include <algorithm>
 #include <bit>
 #include <cstring>
 
@@ -18,6 +19,12 @@ uint32_t bits(uint64_t word, unsigned first, unsigned count) {
     return static_cast<uint32_t>(word >> first) & ((1U << count) - 1);
 }
 
+template <unsigned Bits> void advance(TurningTime<Bits>& time, uint32_t counter) {
+    if (!time.passed(counter)) {
+        time.set(counter);
+    }
+}
+
 uint16_t coordinate(uint64_t word, unsigned first) {
     return static_cast<uint16_t>(bits(word, first, 11));
 }
@@ -34,7 +41,7 @@ void Evt2Words::decode(std::span<const uint8_t> words, Events& out) {
         const auto value = load<uint32_t>(words.data() + at);
         const uint32_t type = bits(value, 28, 4);
         if (type == type_time) {
-            high_.set(bits(value, 0, 28));
+            advance(high_, bits(value, 0, 28));
         } else if ((type == type_off || type == type_on) && high_.known()) {
             out.push_back(high_.value() * 64 + bits(value, 22, 6), coordinate(value, 11),
                           coordinate(value, 0), static_cast<uint8_t>(type));
@@ -49,7 +56,7 @@ void Evt21Words<Swapped>::decode(std::span<const uint8_t> words, Events& out) {
         value = Swapped ? std::rotl(value, 32) : value;
         const uint32_t type = bits(value, 60, 4);
         if (type == type_time) {
-            high_.set(bits(value, 32, 28));
+            advance(high_, bits(value, 32, 28));
         } else if ((type == type_off || type == type_on) && high_.known()) {
             const int64_t time = high_.value() * 64 + bits(value, 54, 6);
             const uint16_t x = coordinate(value, 43);
@@ -91,10 +98,9 @@ void Evt3Words::decode(std::span<const uint8_t> words, Events& out) {
             time_ = high_.value() * 4096 + bits(value, 0, 12);
             break;
         case 0x8: // high 12 bits, said again and again
-            if (!high_.known() || high_.value() % 4096 != bits(value, 0, 12)) {
-                high_.set(bits(value, 0, 12));
-                time_ = high_.value() * 4096; // low bits that were said before belong to the last
-            }
+            advance(high_, bits(value, 0, 12));
+            // Low bits that were said before belong to the high bits before.
+            time_ = std::max(time_, high_.value() * 4096);
             break;
         default:
             break;

@@ -10,7 +10,8 @@ namespace ecir::io {
 // is a small state, to be kept with a place in a file, and a function that takes whole words and
 // appends their events; times are microseconds since the camera's start, turned round counters
 // counted on. What comes before a first time is passed over, so are triggers and what else is no
-// event.
+// event. Of EVT so are high bits of the time that go back a little, which cameras are said to send
+// now and then.
 
 /// A counter of `Bits` bits that turns round.
 template <unsigned Bits> class TurningTime {
@@ -18,9 +19,12 @@ public:
     [[nodiscard]] bool known() const { return known_; }
     /// In counts, with those of all turns so far.
     [[nodiscard]] int64_t value() const { return turns_ + last_; }
+    /// Whether a counter is of a little before; by half a turn or more it has turned round.
+    [[nodiscard]] bool passed(uint32_t counter) const {
+        return known_ && counter < last_ && last_ - counter < range / 2;
+    }
     void set(uint32_t counter) {
-        // Back by less than half a turn is no turn, and shows as times that go back.
-        turns_ += known_ && last_ > counter && last_ - counter > range / 2 ? range : 0;
+        turns_ += known_ && counter < last_ && !passed(counter) ? range : 0;
         last_ = counter;
         known_ = true;
     }

@@ -141,8 +141,7 @@ fs::path find_events(const fs::path& folder, const std::vector<Recording::Item>&
         throw system_error(problem.value(), folder, "cannot list");
     }
     if (found.empty()) {
-        fail(folder, "no events file in the recording",
-             "add the recording's events");
+        fail(folder, "no events file in the recording", "add the recording's events");
     }
     if (found.size() > 1) {
         std::ranges::sort(found);
