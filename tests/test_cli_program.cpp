@@ -11,7 +11,7 @@ TEST_SUITE("cli program") {
     TEST_CASE("help is exit 0 and shows examples") {
         const Outcome all = must({"--help"});
         for (const std::string command :
-             {"deblur", "simulate", "eval", "verify", "bench", "devices"}) {
+             {"deblur", "simulate", "eval", "verify", "bench", "info", "devices"}) {
             CAPTURE(command);
             CHECK(all.out.find(command) != std::string::npos);
             const Outcome one = must({command, "--help"});

@@ -104,6 +104,26 @@ TEST_SUITE("cli recording") {
         }
         const io::Image last = io::read_image(three.result("file") + "/000015.png");
         CHECK(std::ranges::count(last.pixels, 99 / 255.0F) == kWidth * kHeight);
+        const auto info = nlohmann::json::parse(must({"info", "-i", path.string(), "--json"}).out);
+        CHECK(info["events"]["format"] == "AEDAT 4");
+        CHECK(info["events"]["count"] == events.size());
+        CHECK(info["events"]["positive"] == std::ranges::count(events.p, 1));
+        CHECK(info["events"]["first_us"] == events.t.front());
+        CHECK(info["events"]["last_us"] == events.t.back());
+        CHECK(info["frames"]["count"] == 4);
+        CHECK(info["frames"]["width"] == kWidth);
+        CHECK(info["frames"]["exposure_us"]["least"] == 10);
+        CHECK(info["frames"]["exposure_us"]["median"] == 50'000);
+        CHECK(info["frames"]["apart_us"] == 50'000);
+        const auto folder =
+            nlohmann::json::parse(must({"info", "-i", three.scene.string(), "--json"}).out);
+        CHECK(folder["frames"]["count"] == 3);
+        CHECK(folder["events"]["count"] == events.size());
+        const auto lines_path = put(three.folder / "two.txt", "1 2 3 1\n2 2 3 0");
+        CHECK(must({"info", "-i", lines_path.string()}).out.starts_with("events     2 in two.txt"));
+        const auto text = must({"info", "-i", recording.events.string()}).out;
+        CHECK(text.find("in events.h5, HDF5") != std::string::npos);
+        CHECK(text.find("none in it") != std::string::npos);
         must_fail(2, three.deblur(path, "twice", {"-e", path.string()}),
                   {"a recording holds both"});
     }

@@ -17,6 +17,7 @@ void add_bench(CLI::App& app);
 void add_chart(CLI::App& app);
 void add_stability(CLI::App& app);
 void add_devices(CLI::App& app);
+void add_info(CLI::App& app);
 
 /// -g of every subcommand that works on a device.
 inline CLI::Option* add_device_option(CLI::App& command, std::string& device) {

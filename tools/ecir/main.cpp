@@ -65,6 +65,7 @@ int run(int argc, char** argv) {
     ecir::cli::add_bench(app);
     ecir::cli::add_chart(app);
     ecir::cli::add_stability(app);
+    ecir::cli::add_info(app);
     ecir::cli::add_devices(app);
     if (argc == 1) {
         std::fputs(app.help().c_str(), stderr);

@@ -147,11 +147,7 @@ public:
         if (!find_by_table()) {
             find_by_pass();
         }
-        if (!stream_) {
-            fail_file(file_.path(),
-                      owner_.kind_ == Kind::events ? "holds no events" : "holds no frames",
-                      "record them with the camera's software");
-        }
+        owner_.found_ = stream_.has_value();
         if (owner_.kind_ == Kind::events) { // tables count no elements in frames' packets
             std::erase_if(owner_.packets_,
                           [](const Packet& packet) { return packet.elements == 0; });

@@ -29,13 +29,15 @@ public:
     };
 
     /// Finds the packets of the only stream of a kind. Throws Error(bad_input) naming the file and
-    /// the place: not of this format, damaged, no or several such streams.
+    /// the place: not of this format, damaged, several such streams.
     Aedat4Stream(const std::filesystem::path& path, Kind kind);
     ~Aedat4Stream();
     Aedat4Stream(const Aedat4Stream&) = delete;
     Aedat4Stream& operator=(const Aedat4Stream&) = delete;
 
     [[nodiscard]] const std::filesystem::path& path() const { return file_.path(); }
+    /// Whether there is such a stream; otherwise there are no packets.
+    [[nodiscard]] bool found() const { return found_; }
     /// In the order of the file, those without events left out.
     [[nodiscard]] const std::vector<Packet>& packets() const { return packets_; }
 
@@ -54,6 +56,7 @@ private:
 
     FileReader file_;
     Kind kind_;
+    bool found_ = false;
     std::unique_ptr<Unpacker> unpacker_;
     std::vector<Packet> packets_;
     std::vector<uint8_t> packed_;

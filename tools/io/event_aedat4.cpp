@@ -3,6 +3,7 @@
 #include <vector>
 
 #include "aedat4_generated.h"
+#include "runtime/error.hpp"
 #include "tools/io/aedat4.hpp"
 #include "tools/io/event_formats.hpp"
 
@@ -19,6 +20,10 @@ class Aedat4Events final : public EventStream {
 public:
     explicit Aedat4Events(const fs::path& path)
         : stream_(path, Aedat4Stream::Kind::events), packets_(stream_.packets()) {
+        if (!stream_.found()) {
+            throw Error(ExitCode::bad_input, path.string() + ": holds no events; record them with "
+                                                             "the camera's software");
+        }
         before_.reserve(packets_.size() + 1);
         before_.push_back(0);
         int64_t last = -max_event_time;

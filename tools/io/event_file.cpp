@@ -50,6 +50,22 @@ Format format_of(std::span<const uint8_t> start) {
     return is_plain_text(start) ? Format::text : Format::unknown;
 }
 
+const char* name_of(Format format) {
+    switch (format) {
+    case Format::hdf5:
+        return "HDF5";
+    case Format::text:
+        return "text";
+    case Format::aedat4:
+        return "AEDAT 4";
+    case Format::prophesee:
+        return "Prophesee RAW or DAT";
+    case Format::unknown:
+        break;
+    }
+    return "unknown";
+}
+
 } // namespace
 
 std::unique_ptr<EventStream> open_events(const fs::path& path) {
@@ -75,6 +91,23 @@ std::unique_ptr<EventStream> open_events(const fs::path& path) {
         path.string() +
             ": not an events file: neither HDF5, AEDAT 4, Prophesee's RAW or DAT, nor text; "
             "convert the recording to HDF5 (/events/t, x, y, p) or text (t x y p a line)");
+}
+
+EventSummary summarize_events(const fs::path& path) {
+    const auto stream = open_events(path);
+    EventSummary summary{name_of(format_of(read_start(path, start_size))),
+                         stream->width(),
+                         stream->height(),
+                         0,
+                         0,
+                         stream->span()};
+    for (bool more = true; more;) {
+        Events block;
+        more = stream->read(block); // the end may come with the last events
+        summary.events += block.size();
+        summary.positive += static_cast<size_t>(std::ranges::count(block.p, 1));
+    }
+    return summary;
 }
 
 EventFile read_events(const fs::path& path) {

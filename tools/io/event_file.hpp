@@ -1,6 +1,7 @@
 #pragma once
 #include <filesystem>
 #include <optional>
+#include <string>
 
 #include "layers/events.hpp"
 
@@ -24,6 +25,19 @@ struct TimeSpan {
 /// (text: also {-1, 1}), numbers finite. Throws Error(bad_input) with file, the first offending
 /// index or line, and a remedy.
 EventFile read_events(const std::filesystem::path& path);
+
+/// What an events file holds, found by one pass over it in constant memory.
+struct EventSummary {
+    std::string format; ///< "AEDAT 4"
+    std::optional<int> width;
+    std::optional<int> height;
+    size_t events = 0;
+    size_t positive = 0;
+    std::optional<TimeSpan> span;
+};
+
+/// Errors as for read_events().
+EventSummary summarize_events(const std::filesystem::path& path);
 
 /// Whether the content is that of an events file (which may still turn out to be damaged).
 /// Throws Error(bad_input) when the file cannot be opened.

@@ -24,7 +24,8 @@ public:
     EventStream(const EventStream&) = delete;
     EventStream& operator=(const EventStream&) = delete;
 
-    /// Appends the next block of events, maybe none; false at the end of the file.
+    /// Appends the next block of events, maybe none; false at the end of the file, with its last
+    /// events or after them.
     virtual bool read(Events& out) = 0;
     /// How many events there are in the file before what read() gives next.
     [[nodiscard]] virtual size_t position() const = 0;

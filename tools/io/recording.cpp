@@ -166,7 +166,7 @@ Image Recording::read(const Item& item) const {
 
 bool is_camera_file(const fs::path& path) {
     constexpr size_t enough = 16;
-    return is_aedat4(read_start(path, enough));
+    return is_aedat4(read_start(path, enough)) && aedat4_holds_frames(path);
 }
 
 Recording open_recording(const fs::path& path) {

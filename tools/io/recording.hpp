@@ -40,8 +40,8 @@ struct Recording {
 /// or without frames.
 Recording open_recording(const std::filesystem::path& path);
 
-/// Whether a file, by its content, is one that open_recording() takes.
-/// Throws Error(bad_input) when it cannot be opened.
+/// Whether a file, by its content, is one that open_recording() takes: of a camera, with frames.
+/// Throws Error(bad_input) when it cannot be opened or is damaged.
 bool is_camera_file(const std::filesystem::path& path);
 
 } // namespace ecir::io

@@ -78,6 +78,10 @@ private:
 
 } // namespace
 
+bool aedat4_holds_frames(const fs::path& path) {
+    return Aedat4Stream(path, Aedat4Stream::Kind::frames).found();
+}
+
 Recording open_aedat4_recording(const fs::path& path) {
     auto frames = std::make_shared<Aedat4Frames>(path);
     Recording recording;
