@@ -4,7 +4,7 @@
 #include <numeric>
 
 #include "tests/aedat4_writer.hpp"
-#include "tools/io/event_windows.hpp"
+#include "tests/events_support.hpp"
 #include "tools/io/recording.hpp"
 
 using namespace ecir;
@@ -15,11 +15,6 @@ namespace {
 
 constexpr size_t kPacket = 1000; ///< events
 constexpr Exposure kExposure{1615007563376100, 1615007563376900};
-
-bool equal(const EventView& a, const EventView& b) {
-    return std::ranges::equal(a.t, b.t) && std::ranges::equal(a.x, b.x) &&
-           std::ranges::equal(a.y, b.y) && std::ranges::equal(a.p, b.p);
-}
 
 void add_events(Aedat4Writer& writer, const Events& events) {
     for (size_t i = 0; i < events.size(); i += kPacket) {
@@ -70,24 +65,12 @@ TEST_SUITE("io") {
         Aedat4Writer writer;
         add_events(writer, events);
         const auto path = writer.write(folder / "recording.aedat4");
-        for (const auto reading :
-             {io::EventWindows::Reading::whole, io::EventWindows::Reading::sparse}) {
-            io::EventWindows windows(path, reading);
-            REQUIRE(windows.span().has_value());
-            CHECK(windows.span()->first == events.t.front());
-            CHECK(windows.span()->last == events.t.back());
-            for (const auto& [first, last] : std::vector<std::pair<int64_t, int64_t>>{
-                     {0, 10}, {300, 3000}, {333, 333}, {8000, 9000}, {2, 700}, {-5, -1}}) {
-                const Exposure exposure{events.t.front() + first, events.t.front() + last};
-                const EventView expected = window(events.view(), exposure);
-                const auto found = windows.read(exposure);
-                REQUIRE(equal(found.events, expected));
-                if (expected.size() > 0) {
-                    CHECK(found.first == static_cast<size_t>(expected.t.data() - events.t.data()));
-                }
-            }
-            CHECK_NOTHROW(windows.finish());
+        std::vector<Exposure> exposures;
+        for (const auto& [first, last] : std::vector<std::pair<int64_t, int64_t>>{
+                 {0, 10}, {300, 3000}, {333, 333}, {8000, 9000}, {2, 700}, {-5, -1}}) {
+            exposures.push_back({events.t.front() + first, events.t.front() + last});
         }
+        check_windows(path, events, exposures);
     }
 
     TEST_CASE("AEDAT 4: a recording that broke off gives what was written whole") {

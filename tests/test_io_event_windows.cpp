@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "tests/events_support.hpp"
 #include "tests/test_io_support.hpp"
 #include "tools/io/event_windows.hpp"
 
@@ -34,11 +35,6 @@ std::string text_of(const Events& events) {
     return text;
 }
 
-bool equal(const EventView& a, const EventView& b) {
-    return std::ranges::equal(a.t, b.t) && std::ranges::equal(a.x, b.x) &&
-           std::ranges::equal(a.y, b.y) && std::ranges::equal(a.p, b.p);
-}
-
 /// Several blocks of one recording, in both formats.
 struct Files {
     Events events = bursts(900'000);
@@ -55,24 +51,8 @@ struct Files {
 };
 
 void check_windows(const std::vector<Exposure>& exposures) {
-    const Files& files = Files::get();
-    for (const auto& path : files.paths) {
-        for (const Reading reading : {Reading::whole, Reading::sparse}) {
-            io::EventWindows windows(path, reading);
-            for (const Exposure& exposure : exposures) {
-                CAPTURE(path.string());
-                CAPTURE(exposure.start - start);
-                CAPTURE(exposure.end - start);
-                const EventView expected = window(files.events.view(), exposure);
-                const auto found = windows.read(exposure);
-                REQUIRE(equal(found.events, expected));
-                if (expected.size() > 0) {
-                    CHECK(found.first ==
-                          static_cast<size_t>(expected.t.data() - files.events.t.data()));
-                }
-            }
-            CHECK_NOTHROW(windows.finish());
-        }
+    for (const auto& path : Files::get().paths) {
+        ecir::test::check_windows(path, Files::get().events, exposures);
     }
 }
 

@@ -4,8 +4,8 @@
 #include <nlohmann/json.hpp>
 #include <numeric>
 
+#include "tests/events_support.hpp"
 #include "tests/test_io_support.hpp"
-#include "tools/io/event_windows.hpp"
 
 using namespace ecir;
 using namespace ecir::test;
@@ -145,11 +145,6 @@ Events bursts() {
     return events;
 }
 
-bool equal(const EventView& a, const EventView& b) {
-    return std::ranges::equal(a.t, b.t) && std::ranges::equal(a.x, b.x) &&
-           std::ranges::equal(a.y, b.y) && std::ranges::equal(a.p, b.p);
-}
-
 const std::string kDatHeader = "% Data file containing CD events\n% Version 2\n% Width 1280\n"
                                "% Height 720\n";
 const std::string kDatType("\x0c\x08", 2);
@@ -203,37 +198,21 @@ TEST_SUITE("io") {
 
     TEST_CASE("Prophesee: the events of exposures, in any order") {
         const Files& files = Files::get();
-        const int64_t start = files.events.t.front();
+        std::vector<Exposure> exposures;
+        for (const auto& [after, length] :
+             std::vector<std::pair<int64_t, int64_t>>{{0, 40'000},
+                                                      {30'000, 20'000},
+                                                      {40'000'000, 100'000},
+                                                      {16'000'000, 2'000'000},
+                                                      {-10, 5},
+                                                      {100'890'000, 1'000},
+                                                      {90'000'000, 100'000},
+                                                      {70'000'000, 100'000}}) {
+            const int64_t start = files.events.t.front() + after;
+            exposures.push_back({start, start + length});
+        }
         for (const fs::path& path : files.paths) {
-            for (const auto reading :
-                 {io::EventWindows::Reading::whole, io::EventWindows::Reading::sparse}) {
-                io::EventWindows windows(path, reading);
-                REQUIRE(windows.span().has_value());
-                CHECK(windows.span()->first == start);
-                CHECK(windows.span()->last == files.events.t.back());
-                for (const auto& [after, length] :
-                     std::vector<std::pair<int64_t, int64_t>>{{0, 40'000},
-                                                              {30'000, 20'000},
-                                                              {40'000'000, 100'000},
-                                                              {16'000'000, 2'000'000},
-                                                              {-10, 5},
-                                                              {100'890'000, 1'000},
-                                                              {90'000'000, 100'000},
-                                                              {70'000'000, 100'000}}) {
-                    CAPTURE(path.string());
-                    const int64_t first = after;
-                    CAPTURE(first);
-                    const Exposure exposure{start + first, start + first + length};
-                    const EventView expected = window(files.events.view(), exposure);
-                    const auto found = windows.read(exposure);
-                    REQUIRE(equal(found.events, expected));
-                    if (expected.size() > 0) {
-                        CHECK(found.first ==
-                              static_cast<size_t>(expected.t.data() - files.events.t.data()));
-                    }
-                }
-                CHECK_NOTHROW(windows.finish());
-            }
+            check_windows(path, files.events, exposures);
         }
     }
 
