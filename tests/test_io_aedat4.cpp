@@ -101,8 +101,8 @@ TEST_SUITE("io") {
                 frame.add_format(type);
             };
         };
-        writer.frame({5000, 5800}, 2, 2, ramp(12), format_of(16)); // BGR
-        writer.frame({7000, 7800}, 2, 1, ramp(8), format_of(24));  // BGRA
+        writer.frame({5000, 5000}, 2, 2, ramp(12), format_of(16)); // BGR
+        writer.frame({7000, 7000}, 2, 1, ramp(8), format_of(24));  // BGRA
         writer.frame({9000, 9800}, 2, 1, ramp(2), [](auto&) {});   // without an exposure
         writer.events(many_events(10).view(), 0, 10);
         const auto path = writer.write(folder / "recording.aedat4");

@@ -20,8 +20,7 @@ const aedat4::Frame& frame_of(std::span<const uint8_t> bytes) {
 std::optional<Exposure> exposure_of(const aedat4::Frame& frame) {
     Exposure exposure{frame.exposure_start(), frame.exposure_end()};
     if (exposure.start == 0 && exposure.end == 0) {
-        exposure.start = frame.time() - frame.exposure() / 2;
-        exposure.end = exposure.start + frame.exposure();
+        exposure = {frame.time(), frame.time() + frame.exposure()};
     }
     if (exposure.end <= exposure.start || exposure.start < -max_exposure_time ||
         exposure.end > max_exposure_time) {
