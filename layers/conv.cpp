@@ -86,6 +86,14 @@ ConvFamily conv_family(const DeviceInfo& info) {
     return lane && wanted() != "tile" && wanted() != "matrix" ? ConvFamily::lane : ConvFamily::tile;
 }
 
+uint32_t images_at_once(const DeviceInfo& info, uint32_t height, uint32_t width) {
+    constexpr uint64_t kPixels = 1U << 19;
+    if (conv_family(info) == ConvFamily::lane) {
+        return 1;
+    }
+    return static_cast<uint32_t>(std::clamp<uint64_t>(kPixels / (uint64_t{height} * width), 1, 16));
+}
+
 bool use_matrices(const DeviceInfo& info, uint32_t out_channels) {
     return info.matrices.form != Matrices::Form::none && wanted() != "tile" &&
            info.max_shared_bytes >= kMatrixSharedBytes &&

@@ -26,6 +26,11 @@ constexpr uint64_t kConvUniformSlice =
 /// what a GPU would run.
 ConvFamily conv_family(const DeviceInfo& info);
 
+/// Images of a size whose work goes on side by side, each with tensors of its own, to keep a device
+/// full: on the lane family 1, which has the caches for itself; else as many as have half a million
+/// pixels together, 16 at most.
+uint32_t images_at_once(const DeviceInfo& info, uint32_t height, uint32_t width);
+
 /// Lines of invocations in a workgroup of the tile family: LY of shaders/conv_tile.glsl, LINES, of
 /// a subgroup each, of conv_matrix.glsl.
 inline constexpr uint32_t conv_tile_lines = 4;

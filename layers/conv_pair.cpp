@@ -116,14 +116,15 @@ void ConvPair::pack(std::span<const float> first, std::span<const float> second)
     weights_ = upload<float>(device_, all);
 }
 
-Tensor ConvPair::scratch(Program& program, uint32_t height, uint32_t width) {
+Tensor ConvPair::scratch(Program& program, uint32_t hidden, uint32_t height, uint32_t width) {
+    const DeviceInfo& info = program.device().info();
+    if (conv_family(info) != ConvFamily::lane) {
+        return program.temporary({hidden, height, width, channel_block(info), 0});
+    }
     Layout layout{kTaps, height, width, 1, 1};
     layout.pitch = ceil_div(width, lanes(program.device())) * lanes(program.device()) + 2;
-    const Tensor planes = program.temporary(layout);
-    if (conv_family(program.device().info()) == ConvFamily::lane) {
-        program.clear(planes); // the kernel writes the zeros right of the image, none else
-    }
-    return planes;
+    // The kernel writes the zeros right of the image, none else.
+    return program.cleared(layout);
 }
 
 void ConvPair::check(const Tensor& input, const Tensor& scratch, const Tensor& output,
@@ -134,7 +135,7 @@ void ConvPair::check(const Tensor& input, const Tensor& scratch, const Tensor& o
         return has_shape(tensor, channels, height, width) && has_block(tensor, block);
     };
     if (!good(input, channels_, 1) || input.layout().halo < 1 || !good(output, 1, 1) ||
-        !good(scratch, kTaps, 1) ||
+        (!whole_ && !good(scratch, kTaps, 1)) ||
         (terms.start && !good(*terms.start, hidden_, channel_block(device_.info())) &&
          !good(*terms.start, hidden_, 1)) ||
         (terms.added && !good(*terms.added, 1, 1))) {
@@ -147,10 +148,13 @@ void ConvPair::check(const Tensor& input, const Tensor& scratch, const Tensor& o
 void ConvPair::record(Program& program, const Tensor& input, const Tensor& scratch,
                       const Tensor& output, const Terms& terms) const {
     check(input, scratch, output, terms);
-    if (whole_) {
-        const Tensor between =
-            program.temporary({hidden_, output.layout().height, output.layout().width,
-                               channel_block(device_.info()), 0});
+    if (whole_) { // of the lane family with many channels the scratch is of another kind
+        const Layout layout{hidden_, output.layout().height, output.layout().width,
+                            channel_block(device_.info()), 0};
+        const bool fits =
+            has_block(scratch, layout.block) && scratch.layout().channels >= hidden_ &&
+            has_shape(scratch.channels(0, hidden_), hidden_, layout.height, layout.width);
+        const Tensor between = fits ? scratch.channels(0, hidden_) : program.temporary(layout);
         whole_->expand.record(program, input, between, terms.start);
         whole_->project.record(program, between, output, terms.added);
         return;

@@ -17,9 +17,11 @@ public:
     ConvPair(Device& device, uint32_t channels, uint32_t hidden, std::span<const float> first,
              std::span<const float> second, float bias = 0);
 
-    /// Memory between the kernels, which all pairs of a program that work on one size of image can
-    /// use in turn.
-    static Tensor scratch(Program& program, uint32_t height, uint32_t width);
+    /// Memory between the kernels, which all pairs of a program that work on one size of image,
+    /// with `hidden` channels at most, can use in turn.
+    static Tensor scratch(Program& program, uint32_t hidden, uint32_t height, uint32_t width);
+
+    [[nodiscard]] uint32_t hidden() const { return hidden_; }
 
     /// What goes into the sums.
     struct Terms {

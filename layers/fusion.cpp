@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "layers/consistency.hpp"
+#include "layers/conv.hpp"
 #include "layers/elementwise.hpp"
 #include "layers/fusion_fetch.hpp"
 #include "layers/motion.hpp"
@@ -13,25 +14,34 @@ namespace ecir {
 
 /// What an exposure's frames are corrected with.
 struct FusionMethod::Correction {
+    /// Of a frame, and after it of others.
+    struct Desk {
+        FusionHead::Tensors head;
+        Tensor away;
+        Tensor alone;
+        Tensor differences;
+    };
     PriorInput input;
     PriorExposure exposure;
     Tensor moved;
     Tensor features;
     const FusionHead* network = nullptr;
-    FusionHead::Tensors head;
-    Tensor away;
+    std::vector<Desk> desks; ///< frames take them in turn
     Tensor consistency;
 
+    [[nodiscard]] const Desk& desk(uint32_t frame) const { return desks[frame % desks.size()]; }
     /// The head's first input, the prior, and where things are at the anchors.
-    void record_time(Program& program, const Tensor& instant, const Tensor& state) const {
-        record_prior_frame(program, input, exposure.base, instant, state, head.planes);
-        record_trajectory(program, moved, instant, away);
+    void record_time(Program& program, const Desk& desk, const Tensor& instant,
+                     const Tensor& state) const {
+        record_prior_frame(program, input, exposure.base, instant, state, desk.head.planes);
+        record_trajectory(program, moved, instant, desk.away);
     }
     /// After record_time().
-    void record_frame(Program& program, const Tensor& instant, const Tensor& frame) const {
-        record_fusion_fetch(program, exposure.anchors, away, instant, head.planes);
-        record_fusion_mix(program, features, instant, head.mixed);
-        network->record(program, head, frame);
+    void record_frame(Program& program, const Desk& desk, const Tensor& instant,
+                      const Tensor& frame) const {
+        record_fusion_fetch(program, exposure.anchors, desk.away, instant, desk.head.planes);
+        record_fusion_mix(program, features, instant, desk.head.mixed);
+        network->record(program, desk.head, frame);
     }
 };
 
@@ -103,13 +113,21 @@ FusionMethod::Correction FusionMethod::record_correction(Program& program, const
     const Tensor velocity =
         program.cleared(networks_->trunk.velocity_layout(device_->info(), height_, width_));
     record_motion(program, exposure.logarithms, moved, velocity);
+    std::vector<Correction::Desk> desks;
+    const uint32_t frames = instants_.layout().channels;
+    for (uint32_t i = 0; i < std::min(images_at_once(device_->info(), height_, width_), frames);
+         ++i) {
+        desks.push_back({networks_->head.prepare(program, height_, width_),
+                         program.temporary(away_layout(height_, width_)),
+                         program.temporary({1, height_, width_}),
+                         program.temporary({reference_count, height_, width_})});
+    }
     return {.input = input,
             .exposure = exposure,
             .moved = moved,
             .features = networks_->trunk.record(program, exposure, velocity),
             .network = &networks_->head,
-            .head = networks_->head.prepare(program, height_, width_),
-            .away = program.temporary(away_layout(height_, width_)),
+            .desks = std::move(desks),
             .consistency = program.cleared(consistency_state_layout(height_, width_))};
 }
 
@@ -117,49 +135,49 @@ void FusionMethod::record_corrected_frames(Program& program, const Correction& c
     const Tensor state = program.cleared(prior_state_layout(height_, width_));
     for (uint32_t i = 0; i < output_.layout().channels; ++i) {
         const Tensor instant = instants_.channels(i, 1);
-        correction.record_time(program, instant, state);
-        correction.record_frame(program, instant, output_.channels(i, 1));
-        record_kept(program, correction, i);
+        const Correction::Desk& desk = correction.desk(i);
+        correction.record_time(program, desk, instant, state);
+        correction.record_frame(program, desk, instant, output_.channels(i, 1));
+        record_kept(program, correction, desk.head.planes.channels(0, 1), i);
     }
     record_consistent(program, correction.consistency, output_);
 }
 
 void FusionMethod::record_agreed_frames(Program& program, const Correction& correction,
                                         const Shared& shared) const {
-    const Layout several{reference_count, height_, width_};
-    const Tensor references = program.temporary(several);
-    const Tensor differences = program.temporary(several);
-    const Tensor alone = program.temporary({1, height_, width_});
+    const Tensor references = program.temporary({reference_count, height_, width_});
     const uint32_t frames = output_.layout().channels;
     const Tensor before = program.cleared(prior_state_layout(height_, width_));
     for (uint32_t i = 0; i < reference_count; ++i) {
         const Tensor instant = instants_.channels(frames + i, 1);
-        correction.record_time(program, instant, before);
-        correction.record_frame(program, instant, references.channels(i, 1));
+        const Correction::Desk& desk = correction.desk(i);
+        correction.record_time(program, desk, instant, before);
+        correction.record_frame(program, desk, instant, references.channels(i, 1));
     }
     // One of its own, since the times begin anew.
     const Tensor state = program.cleared(prior_state_layout(height_, width_));
     for (uint32_t i = 0; i < frames; ++i) {
         const Tensor instant = instants_.channels(i, 1);
-        correction.record_time(program, instant, state);
+        const Correction::Desk& desk = correction.desk(reference_count + i);
+        correction.record_time(program, desk, instant, state);
         const auto same = std::ranges::find(shared, std::optional(i));
-        Tensor own = alone;
+        Tensor own = desk.alone;
         if (same != shared.end()) {
             own = references.channels(static_cast<uint32_t>(same - shared.begin()), 1);
         } else {
-            correction.record_frame(program, instant, alone);
+            correction.record_frame(program, desk, instant, own);
         }
-        record_reference_fetch(program, references, correction.away, instant, own, differences);
-        record_agreement(program, differences, own, output_.channels(i, 1));
-        record_kept(program, correction, i);
+        record_reference_fetch(program, references, desk.away, instant, own, desk.differences);
+        record_agreement(program, desk.differences, own, output_.channels(i, 1));
+        record_kept(program, correction, desk.head.planes.channels(0, 1), i);
     }
     record_consistent(program, correction.consistency, output_);
 }
 
-void FusionMethod::record_kept(Program& program, const Correction& correction,
+void FusionMethod::record_kept(Program& program, const Correction& correction, const Tensor& prior,
                                uint32_t frame) const {
-    record_consistency(program, output_.channels(frame, 1), correction.head.planes.channels(0, 1),
-                       blurry_, instants_.channels(frame, 1), correction.consistency,
+    record_consistency(program, output_.channels(frame, 1), prior, blurry_,
+                       instants_.channels(frame, 1), correction.consistency,
                        frame + 1 == output_.layout().channels);
 }
 

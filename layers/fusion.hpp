@@ -53,8 +53,9 @@ private:
     void record_corrected_frames(Program& program, const Correction& correction) const;
     void record_agreed_frames(Program& program, const Correction& correction,
                               const Shared& shared) const;
-    /// After the frame with that index in output_.
-    void record_kept(Program& program, const Correction& correction, uint32_t frame) const;
+    /// After the frame with that index in output_, and of its prior.
+    void record_kept(Program& program, const Correction& correction, const Tensor& prior,
+                     uint32_t frame) const;
 
     std::shared_ptr<Device> device_;
     std::shared_ptr<const Networks> networks_;

@@ -226,7 +226,7 @@ FusionHead::Tensors FusionHead::prepare(Program& program, uint32_t height, uint3
     t.planes = program.cleared(image_layout(info, family_, plane_count, height, width, kPlaneHalo));
     t.mixed = program.temporary(mixed_layout(info, family_, c, height, width));
     t.x0 = program.temporary(at(a, 1, 0));
-    t.taps = ConvPair::scratch(program, height, width);
+    t.between = ConvPair::scratch(program, a, height, width);
     t.x1 = program.cleared(at(b, 2, 1));
     t.inner1 = program.cleared(at(b, 2, 1));
     t.x2 = program.cleared(at(c, 4, 1));
@@ -243,7 +243,7 @@ void FusionHead::record(Program& program, const Tensors& t, const Tensor& frame)
     record_residual(program, convs_, "head.res1", t.x1, t.inner1);
     convs_.at("head.up0.conv").record(program, t.x1, t.x0);
     // relu(up0 + skip(planes)), then the output; channel 0 is the prior.
-    end_.record(program, t.planes, t.taps, frame,
+    end_.record(program, t.planes, t.between, frame,
                 {.start = t.x0, .added = t.planes.channels(0, 1)});
 }
 

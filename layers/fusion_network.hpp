@@ -51,9 +51,9 @@ class FusionHead {
 public:
     FusionHead(Device& device, const SafeTensors& weights, const FusionWidths& widths);
 
-    /// Tensors of one frame, of which all frames of a program make use in turn.
+    /// Tensors of one frame, which others can use after it.
     struct Tensors {
-        Tensor planes, mixed, x0, taps, x1, inner1, x2, inner2;
+        Tensor planes, mixed, x0, between, x1, inner1, x2, inner2;
     };
     Tensors prepare(Program& program, uint32_t height, uint32_t width) const;
 

@@ -73,14 +73,20 @@ struct SettledPush {
 };
 static_assert(sizeof(SettledPush) == 20);
 
-/// Groups of frames whose views the device can bind: those of the state are the largest. A group
-/// reads the state of `beside` more frames.
+/// Groups of `most` frames at most whose views the device can bind: those of the state are the
+/// largest. A group reads the state of `beside` more frames.
 std::vector<ChannelGroup> frame_groups(const DeviceInfo& device, const Tensor& state,
-                                       uint32_t beside) {
+                                       uint32_t beside, uint32_t most) {
     Layout frames = state.layout();
     frames.channels /= refine_planes;
     frames.pitch = frames.row_pixels() * refine_planes;
-    return channel_groups(device, frames, 1, beside);
+    std::vector<ChannelGroup> groups;
+    for (const auto& [first, count] : channel_groups(device, frames, 1, beside)) {
+        for (uint32_t done = 0; done < count; done += std::min(most, count - done)) {
+            groups.push_back({first + done, std::min(most, count - done)});
+        }
+    }
+    return groups;
 }
 
 /// Planes of the frames first, ..., end - 1 in the state.
@@ -95,7 +101,7 @@ float largest_refine_step(uint32_t frames) {
 }
 
 void record_refine_state(Program& program, const Tensor& frames, const Tensor* counts,
-                         const Tensor& state) {
+                         const Tensor& state, uint32_t together) {
     const Layout& layout = frames.layout();
     const uint32_t d = layout.channels;
     const bool counted = counts != nullptr && d > 1;
@@ -108,7 +114,7 @@ void record_refine_state(Program& program, const Tensor& frames, const Tensor* c
     require_shapes(good, "refinement", {frames, counted ? *counts : frames, state});
     const DeviceInfo& device = program.device().info();
     const bool lane = conv_family(device) == ConvFamily::lane && !counted && layout.halo > 0;
-    for (const auto& [first, count] : frame_groups(device, state, 1)) {
+    for (const auto& [first, count] : frame_groups(device, state, 1, together)) {
         const Tensor from = frames.channels(first, count);
         const Tensor to = state_view(state, first, first + count);
         const uint32_t intervals = counted ? std::min(count, d - 1 - first) : 0;
@@ -148,7 +154,7 @@ void record_refine_state(Program& program, const Tensor& frames, const Tensor* c
 
 void record_refine_update(Program& program, const Tensor& initial, const Tensor& state,
                           const AlphaWeights& alpha, const Tensor& updated, const Tensor& largest,
-                          float largest_step) {
+                          float largest_step, uint32_t together) {
     const Layout& layout = updated.layout();
     const uint32_t d = layout.channels;
     const auto alike = [&](const Tensor& tensor, uint32_t channels) {
@@ -160,7 +166,7 @@ void record_refine_update(Program& program, const Tensor& initial, const Tensor&
                    "refinement", {initial, state, updated});
     const DeviceInfo& device = program.device().info();
     const bool lane = conv_family(device) == ConvFamily::lane;
-    for (const auto& [first, count] : frame_groups(device, state, 2)) {
+    for (const auto& [first, count] : frame_groups(device, state, 2, together)) {
         const uint32_t begin = first > 0 ? first - 1 : 0;
         const uint32_t end = std::min(first + count + 1, d);
         const uint64_t skip = uint64_t{refine_planes} * (first - begin) * layout.plane_stride();

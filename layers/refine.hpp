@@ -35,8 +35,9 @@ inline Tensor refine_residual(const Tensor& state, uint32_t interval) {
 /// is the left (upper) neighbour less the pixel, 0 in the first column (row).
 /// frames     d frames, block 1, any halo
 /// counts     2 (d - 1) event counts, block 1, any halo; nullptr: those in the state stay
+/// together   frames a dispatch at most
 void record_refine_state(Program& program, const Tensor& frames, const Tensor* counts,
-                         const Tensor& state);
+                         const Tensor& state, uint32_t together = UINT32_MAX);
 
 /// alpha_net of the published weights: 3x3 weights by rows, then the bias.
 using AlphaWeights = std::array<float, 10>;
@@ -57,11 +58,13 @@ float largest_refine_step(uint32_t frames);
 /// state      the frames L and the residuals R
 /// updated    the new L, d channels; its halo is left alone
 /// largest    one word: becomes at least the largest |new L - L|
+/// together   frames a dispatch at most
 /// All but the last of one height and width, block 1 and halo 1. Throws Error(resources) when three
 /// frames' state exceeds what the device can bind.
 void record_refine_update(Program& program, const Tensor& initial, const Tensor& state,
                           const AlphaWeights& alpha, const Tensor& updated, const Tensor& largest,
-                          float largest_step = std::numeric_limits<float>::infinity());
+                          float largest_step = std::numeric_limits<float>::infinity(),
+                          uint32_t together = UINT32_MAX);
 
 /// Records moving = 1 where largest >= least and, if given, largest < before, else 0, one word
 /// each; 0 where `largest` is not a number.

@@ -56,22 +56,33 @@ Tensor Refinement::record(Program& program, const Tensor& initial, const Tensor&
     const Tensor state = program.cleared(refine_state_layout(count, layout.height, layout.width));
     const Tensor progress = program.output(progress_layout(iterations));
     program.clear(progress);
-    const Tensor scratch = ConvPair::scratch(program, layout.height, layout.width);
+    const uint32_t at_once = images_at_once(program.device().info(), layout.height, layout.width);
+    std::vector<Tensor> scratch;
+    for (uint32_t i = 0; i < std::min(at_once, count); ++i) {
+        scratch.push_back(ConvPair::scratch(
+            program,
+            std::max({first_residual_.hidden(), other_residual_.hidden(), polish_.hidden()}),
+            layout.height, layout.width));
+    }
+    // An iteration that nothing ends early begins where the one before has done with two frames.
+    const uint32_t together = at_once > 1 && settled == 0 ? 1 : UINT32_MAX;
 
     const float largest =
         bounded_ ? largest_refine_step(count) : std::numeric_limits<float>::infinity();
     for (uint32_t iteration = 0; iteration < iterations; ++iteration) {
         const auto step = [&] {
+            // The residuals of an iteration wait for one another anyway.
+            const Tensor& between = scratch[iteration % scratch.size()];
             const bool first = iteration == 0;
             record_refine_state(program, first ? initial : frames,
-                                first && count > 1 ? &counts : nullptr, state);
+                                first && count > 1 ? &counts : nullptr, state, together);
             for (uint32_t i = 0; i + 1 < count; ++i) {
                 (i == 0 ? first_residual_ : other_residual_)
-                    .record(program, refine_network_input(state, i), scratch,
+                    .record(program, refine_network_input(state, i), between,
                             refine_residual(state, i));
             }
             record_refine_update(program, initial, state, alpha_, frames,
-                                 progress.channels(iteration, 1), largest);
+                                 progress.channels(iteration, 1), largest, together);
         };
         if (iteration == 0 || settled == 0) {
             step();
@@ -88,7 +99,8 @@ Tensor Refinement::record(Program& program, const Tensor& initial, const Tensor&
         }
     }
     for (uint32_t i = 0; i < count; ++i) {
-        polish_.record(program, frames.channels(i, 1), scratch, refined.channels(i, 1));
+        polish_.record(program, frames.channels(i, 1), scratch[(iterations + i) % scratch.size()],
+                       refined.channels(i, 1));
     }
     return progress;
 }

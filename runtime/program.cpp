@@ -60,12 +60,6 @@ Tensor Program::cleared(const Layout& layout) {
     return tensor;
 }
 
-void Program::touch(const Tensor& tensor, uint32_t step) {
-    Slot& slot = slots_.at(tensor.id());
-    slot.first = std::min(slot.first, step);
-    slot.last = std::max(slot.last, step);
-}
-
 void Program::add(Dispatch dispatch) {
     for (size_t axis = 0; axis < dispatch.groups.size(); ++axis) {
         const uint32_t most = device_.info().max_groups.at(axis);
@@ -136,32 +130,19 @@ void Program::when(const Tensor& flag, const std::function<void()>& record) {
                   launches.end());
 }
 
-void Program::touch_all() {
-    for (uint32_t step = 0; step < steps_.size(); ++step) {
-        const Dispatch& dispatch = steps_[step].dispatch;
-        for (const Argument& argument : dispatch.arguments) {
-            if (argument.buffer == nullptr) {
-                touch(argument.tensor, step);
-            }
-        }
-        for (const Dispatch::Pointer& pointer : dispatch.pointers) {
-            if (pointer.argument.buffer == nullptr) {
-                touch(pointer.argument.tensor, step);
-            }
-        }
-        if (steps_[step].launch) {
-            touch(*steps_[step].launch, step);
+void Program::plan() {
+    for (size_t step = 0; step < steps_.size(); ++step) {
+        for (const Argument& argument : tensors(steps_[step])) {
+            Slot& slot = slots_.at(argument.tensor.id());
+            slot.first = std::min(slot.first, levels_[step]);
+            slot.last = std::max(slot.last, levels_[step]);
         }
     }
-}
-
-void Program::plan() {
-    touch_all();
     std::vector<Lifetime> lifetimes;
-    const auto end = static_cast<uint32_t>(steps_.size());
+    const uint32_t end = levels_.empty() ? 0 : levels_.back() + 1;
     for (Slot& slot : slots_) {
         if (slot.kind == Kind::input) {
-            slot.first = 0; // uploads happen before the first step
+            slot.first = 0; // uploads happen before the first level
             slot.staging_offset = upload_bytes_;
             upload_bytes_ += align(slot.bytes);
         }
@@ -192,30 +173,11 @@ void Program::plan() {
 
 Program::Range Program::range(const Argument& argument) const {
     if (argument.buffer != nullptr) {
-        return {argument.buffer->handle(), argument.offset, argument.buffer->size(), Access::read};
+        return {argument.buffer->handle(), argument.offset, argument.buffer->size()};
     }
     const Tensor& tensor = argument.tensor;
     const uint64_t begin = slots_[tensor.id()].offset + tensor.byte_offset();
-    return {arena_.handle(), begin, begin + tensor.bytes(), argument.access};
-}
-
-std::vector<Program::Range> Program::ranges(const Step& step) const {
-    std::vector<Range> result;
-    const auto collect = [&](const Argument& argument) {
-        if (argument.buffer == nullptr) { // buffers outside the arena are only ever read
-            result.push_back(range(argument));
-        }
-    };
-    for (const Argument& argument : step.dispatch.arguments) {
-        collect(argument);
-    }
-    for (const auto& pointer : step.dispatch.pointers) {
-        collect(pointer.argument);
-    }
-    if (step.launch) {
-        collect(ecir::read(*step.launch));
-    }
-    return result;
+    return {arena_.handle(), begin, begin + tensor.bytes()};
 }
 
 void Program::compile_ahead() {
@@ -234,6 +196,7 @@ void Program::compile_ahead() {
 }
 
 void Program::finish() {
+    order();
     plan();
     compile_ahead();
     make_descriptors();

@@ -75,9 +75,12 @@ struct DispatchTime {
 
 /// Work recorded once for a shape and replayed for each frame.
 ///
-/// Tensors live in one arena whose offsets are planned from lifetimes (the first and the last step
-/// that touches them); barriers stand only where a step touches bytes that an earlier one wrote, or
-/// writes bytes that an earlier one read; long work is split into several submissions.
+/// Steps that touch the same bytes, at least one of them writing, run in the order in which they
+/// were added. All others need not: each step runs in the first level in which what it waits for is
+/// done, and barriers stand between levels only. So work that goes on side by side (several frames,
+/// each with tensors of its own) keeps a GPU full, however it was added. Tensors live in one arena
+/// whose offsets are planned from lifetimes (the first and the last level that touches them); long
+/// work is split into several submissions.
 ///
 /// Inputs and outputs go through staging memory. A second set of it, made when it is first needed,
 /// lets the host write the next run's inputs and read the last one's outputs while the device works
@@ -134,7 +137,8 @@ public:
     void wait();
     /// submit() and wait().
     void run();
-    /// Runs once with a timestamp around every dispatch.
+    /// Runs once with a timestamp around every dispatch; times in the order in which steps were
+    /// added. Those that run side by side have their common time, in shares that mean nothing.
     std::vector<DispatchTime> profile();
 
     /// The raw memory of an output after wait(), as its layout orders it.
@@ -153,7 +157,7 @@ private:
     struct Slot {
         Kind kind = Kind::temporary;
         uint64_t bytes = 0;
-        uint32_t first = UINT32_MAX;
+        uint32_t first = UINT32_MAX; ///< level that touches it
         uint32_t last = 0;
         uint64_t offset = 0;         ///< in the arena
         uint64_t staging_offset = 0; ///< in the upload or readback buffer
@@ -167,7 +171,6 @@ private:
         VkBuffer buffer;
         uint64_t begin;
         uint64_t end;
-        Access access;
     };
     struct Recording {
         Handle<VkCommandPool> pool;
@@ -182,8 +185,7 @@ private:
     static constexpr size_t kMostStaging = 2;
 
     Tensor make(Kind kind, const Layout& layout);
-    void touch(const Tensor& tensor, uint32_t step);
-    void touch_all();
+    void order();
     void plan();
     void compile_ahead();
     void make_descriptors();
@@ -191,13 +193,16 @@ private:
     Recording record(const Staging& staging, VkQueryPool queries);
     void record_step(VkCommandBuffer commands, size_t index);
     [[nodiscard]] Range range(const Argument& argument) const;
-    [[nodiscard]] std::vector<Range> ranges(const Step& step) const;
+    /// What it touches in the arena.
+    [[nodiscard]] static std::vector<Argument> tensors(const Step& step);
     [[nodiscard]] uint64_t address(const Dispatch::Pointer& pointer) const;
 
     Device& device_;
     std::vector<Slot> slots_;
     std::vector<Step> steps_;
-    bool conditional_ = false; ///< inside of when()
+    std::vector<uint32_t> levels_; ///< by step, ascending
+    std::vector<size_t> added_;    ///< by step its place in the order in which steps were added
+    bool conditional_ = false;     ///< inside of when()
     uint64_t arena_bytes_ = 0;
     uint64_t upload_bytes_ = 0;
     uint64_t readback_bytes_ = 0;

@@ -215,33 +215,25 @@ Program::Recording Program::record(const Staging& staging, VkQueryPool queries) 
         vkCmdResetQueryPool(commands, queries, 0, static_cast<uint32_t>(steps_.size()) + 1);
     }
     memory_barrier(commands); // the run before this one may be under way, in the same arena
-    // Bytes touched since the last barrier.
-    std::vector<Range> open;
+    barriers_ = 0;
     for (const Slot& slot : slots_) {
         if (slot.kind == Kind::input) {
             const VkBufferCopy copy{slot.staging_offset, slot.offset, slot.bytes};
             vkCmdCopyBuffer(commands, staging.upload.handle(), arena_.handle(), 1, &copy);
-            open.push_back({arena_.handle(), slot.offset, slot.offset + slot.bytes, Access::write});
+            barriers_ = 1;
         }
+    }
+    if (barriers_ > 0) {
+        memory_barrier(commands);
     }
     if (queries != VK_NULL_HANDLE) {
         vkCmdWriteTimestamp(commands, VK_PIPELINE_STAGE_BOTTOM_OF_PIPE_BIT, queries, 0);
     }
-    barriers_ = 0;
     for (size_t index = 0; index < steps_.size(); ++index) {
-        const auto touched = ranges(steps_[index]);
-        const bool conflict = std::ranges::any_of(touched, [&](const Range& mine) {
-            return std::ranges::any_of(open, [&](const Range& theirs) {
-                const bool overlap = mine.begin < theirs.end && theirs.begin < mine.end;
-                return overlap && (mine.access != Access::read || theirs.access != Access::read);
-            });
-        });
-        if (conflict) {
+        if (index > 0 && levels_[index] != levels_[index - 1]) {
             memory_barrier(commands);
             ++barriers_;
-            open.clear();
         }
-        open.insert(open.end(), touched.begin(), touched.end());
         const double cost = estimated_seconds(steps_[index].dispatch, device_.info());
         if (seconds > 0 && seconds + cost > kSubmissionSeconds) {
             vk_check(vkEndCommandBuffer(commands), "vkEndCommandBuffer");
@@ -321,13 +313,13 @@ std::vector<DispatchTime> Program::profile() {
     vk_check(vkGetQueryPoolResults(device_.handle(), pool, 0, count, ticks.size() * 8, ticks.data(),
                                    8, VK_QUERY_RESULT_64_BIT | VK_QUERY_RESULT_WAIT_BIT),
              "vkGetQueryPoolResults");
-    std::vector<DispatchTime> times;
+    std::vector<DispatchTime> times(steps_.size());
     for (size_t i = 0; i < steps_.size(); ++i) {
         const Dispatch& dispatch = steps_[i].dispatch;
-        times.push_back({dispatch.label,
-                         static_cast<double>((ticks[i + 1] - ticks[i]) & mask) *
-                             device_.info().timestamp_ns * 1e-6,
-                         dispatch.flops, dispatch.bytes});
+        times[added_[i]] = {dispatch.label,
+                            static_cast<double>((ticks[i + 1] - ticks[i]) & mask) *
+                                device_.info().timestamp_ns * 1e-6,
+                            dispatch.flops, dispatch.bytes};
     }
     return times;
 }

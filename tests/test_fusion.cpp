@@ -113,6 +113,22 @@ TEST_SUITE("fusion") {
         REQUIRE(frames.size() == 2 * pixels);
         CHECK(std::ranges::equal(frames.first(pixels), std::span(kept).subspan(pixels, pixels)));
         CHECK(std::ranges::equal(frames.first(pixels), frames.last(pixels)));
+
+        std::vector<double> many; // more than images_at_once() of this size; far from all exposure
+        for (int i = 0; i < 20; ++i) {
+            many.push_back(fixture.times[1] + 0.01 * i);
+        }
+        input.times = many;
+        const auto all = method.frames(input);
+        const std::vector<float> several(all.begin(), all.end());
+        CHECK(std::ranges::equal(std::span(several).first(pixels),
+                                 std::span(kept).subspan(pixels, pixels)));
+        for (const size_t index : {8, 19}) {
+            input.times = std::span(many).subspan(index, 1);
+            CAPTURE(index);
+            CHECK(std::ranges::equal(method.frames(input),
+                                     std::span(several).subspan(index * pixels, pixels)));
+        }
     }
 
     TEST_CASE("the anchors' ranks: nearest first, the earlier of two at one distance") {

@@ -155,6 +155,76 @@ TEST_SUITE("runtime") {
         }
     }
 
+    TEST_CASE("work side by side shares its barriers, however it was added") {
+        const auto device = Device::open();
+        constexpr int kChains = 5;
+        constexpr int kLinks = 4;
+        const Layout plane{1, 8, 8};
+        const auto run = [&](bool apart) {
+            Program program(*device);
+            const Tensor in = program.input(plane);
+            std::vector<Tensor> between;
+            for (int i = 0; i + 1 < kLinks; ++i) {
+                between.push_back(program.temporary(plane));
+            }
+            std::vector<Tensor> out;
+            for (int chain = 0; chain < kChains; ++chain) {
+                Tensor last = in;
+                for (int link = 0; link < kLinks; ++link) {
+                    Tensor next;
+                    if (link + 1 == kLinks) {
+                        next = out.emplace_back(program.output(plane));
+                    } else {
+                        next = apart ? program.temporary(plane) : between.at(link);
+                    }
+                    add_copy(program, last, next, chain * kLinks + link);
+                    last = next;
+                }
+            }
+            program.finish();
+            const auto values = CaseRandom(8).values(64, -1, 1);
+            program.write(in, values);
+            program.run();
+            for (const Tensor& each : out) {
+                CHECK(std::ranges::equal(program.read(each), values));
+            }
+            const auto times = program.profile();
+            for (size_t i = 0; i < times.size(); ++i) {
+                CHECK(times[i].flops == static_cast<double>(i)); // as they were added
+            }
+            return program.barriers();
+        };
+        CHECK(run(true) == kLinks); // the first after the upload
+        // With common tensors a chain begins where the one before has left the first of them.
+        CHECK(run(false) == 2 * (kChains - 1) + kLinks);
+    }
+
+    TEST_CASE("parts of a tensor are waited for apart, and zeros come before what needs them") {
+        const auto device = Device::open();
+        Program program(*device);
+        const Layout plane{1, 8, 8};
+        const Tensor in = program.input(plane);
+        const Tensor out = program.output({3, 8, 8});
+        program.clear(out);
+        const Tensor both = program.cleared({2, 8, 8});
+        add_copy(program, in, both.channels(0, 1));
+        add_copy(program, in, out.channels(0, 1)); // need not wait for the one before
+        add_copy(program, both.channels(0, 1), out.channels(1, 1));
+        add_copy(program, both.channels(1, 1), out.channels(2, 1));
+        program.finish();
+        // After the upload, the zeros, and the copies into them.
+        CHECK(program.barriers() == 3);
+        const auto values = CaseRandom(3).values(64, 1, 2);
+        for (int run = 0; run < 2; ++run) {
+            program.write(in, values);
+            program.run();
+            const auto made = program.read(out);
+            CHECK(std::ranges::equal(made.first(64), values));
+            CHECK(std::ranges::equal(made.subspan(64, 64), values));
+            CHECK(std::ranges::count(made.subspan(128), 0.0F) == 64);
+        }
+    }
+
     TEST_CASE("two runs under way keep their inputs and outputs apart") {
         const auto device = Device::open();
         Program program(*device);

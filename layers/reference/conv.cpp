@@ -301,7 +301,7 @@ Trial conv_pair_trial(Device& device, uint32_t index) {
     trial.output = program.output({1, height, width, 1, 1});
     program.clear(trial.output);
     const ConvPair layer(device, channels, hidden, first, second, terms ? 0.75F : 0);
-    const Tensor scratch = ConvPair::scratch(program, height, width);
+    const Tensor scratch = ConvPair::scratch(program, hidden, height, width);
     ConvPair::Terms more;
     if (terms) {
         more = {start_input, added_input};
