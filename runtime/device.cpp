@@ -4,6 +4,7 @@
 #include <array>
 #include <cctype>
 #include <charconv>
+#include <cstdlib>
 
 #include "runtime/driver_threads.hpp"
 #include "runtime/error.hpp"
@@ -51,15 +52,32 @@ std::vector<VkQueueFamilyProperties> queue_families(VkPhysicalDevice physical) {
     return families;
 }
 
-/// The first family with compute, or UINT32_MAX.
+constexpr uint32_t kMostQueues = 2;
+
+/// The first family with compute and several queues, else the first with compute, or UINT32_MAX.
 uint32_t compute_family(VkPhysicalDevice physical) {
     const auto families = queue_families(physical);
-    for (uint32_t i = 0; i < families.size(); ++i) {
-        if ((families[i].queueFlags & VK_QUEUE_COMPUTE_BIT) != 0) {
-            return i;
+    for (const uint32_t least : {kMostQueues, 1U}) {
+        for (uint32_t i = 0; i < families.size(); ++i) {
+            if ((families[i].queueFlags & VK_QUEUE_COMPUTE_BIT) != 0 &&
+                families[i].queueCount >= least) {
+                return i;
+            }
         }
     }
     return UINT32_MAX;
+}
+
+uint32_t wanted_queues(const DeviceInfo& info, uint32_t there) {
+    const char* value = std::getenv("ECIR_QUEUES");
+    if (value == nullptr) {
+        return info.is_cpu ? 1 : std::min(there, kMostQueues);
+    }
+    const std::string_view text(value);
+    if (text != "1" && text != "2") {
+        throw Error(ExitCode::usage, "ECIR_QUEUES is " + std::string(text) + "; it can be 1 or 2");
+    }
+    return text == "1" ? 1 : 2;
 }
 
 /// What of it a device has too little of.
@@ -224,12 +242,14 @@ Device::Device(std::shared_ptr<Instance> instance, VkPhysicalDevice physical, De
         throw Error(ExitCode::device,
                     info_.name + " lacks " + info_.lacks + "; choose another with -g");
     }
-    const float priority = 1;
+    const uint32_t there = queue_families(physical_)[queue_family_].queueCount;
+    const uint32_t wanted = wanted_queues(info_, there);
+    const std::array<float, kMostQueues> priorities{1, 1};
     VkDeviceQueueCreateInfo queue{};
     queue.sType = VK_STRUCTURE_TYPE_DEVICE_QUEUE_CREATE_INFO;
     queue.queueFamilyIndex = queue_family_;
-    queue.queueCount = 1;
-    queue.pQueuePriorities = &priority;
+    queue.queueCount = std::min(there, wanted);
+    queue.pQueuePriorities = priorities.data();
 
     const VkBool32 address = info_.buffer_address ? VK_TRUE : VK_FALSE;
     const VkBool32 half = has_float16(info_) ? VK_TRUE : VK_FALSE;
@@ -262,7 +282,11 @@ Device::Device(std::shared_ptr<Instance> instance, VkPhysicalDevice physical, De
     if (info_.is_cpu) {
         threads.pin();
     }
-    vkGetDeviceQueue(device_, queue_family_, 0, &queue_);
+    for (uint32_t i = 0; i < wanted; ++i) {
+        VkQueue handle = VK_NULL_HANDLE;
+        vkGetDeviceQueue(device_, queue_family_, i % queue.queueCount, &handle);
+        queues_.push_back(handle);
+    }
 
     fence_ = make_fence();
     kernels_ = std::make_unique<KernelCache>(*this);
@@ -314,21 +338,22 @@ Handle<VkFence> Device::make_fence() const {
     return {fence, device_, vkDestroyFence};
 }
 
-void Device::submit(std::span<const VkCommandBuffer> commands) {
-    start(commands, fence_.get());
+void Device::submit(std::span<const VkCommandBuffer> commands, uint32_t queue) {
+    start(commands, fence_.get(), queue);
     wait(fence_.get());
 }
 
-void Device::start(std::span<const VkCommandBuffer> commands, VkFence fence) {
+void Device::start(std::span<const VkCommandBuffer> commands, VkFence fence, uint32_t queue) {
+    const VkQueue taker = queues_.at(queue);
     for (size_t i = 0; i < commands.size(); ++i) {
         VkSubmitInfo info{};
         info.sType = VK_STRUCTURE_TYPE_SUBMIT_INFO;
         info.commandBufferCount = 1;
         info.pCommandBuffers = &commands[i];
         const bool last = i + 1 == commands.size();
-        const VkResult result = vkQueueSubmit(queue_, 1, &info, last ? fence : VK_NULL_HANDLE);
+        const VkResult result = vkQueueSubmit(taker, 1, &info, last ? fence : VK_NULL_HANDLE);
         if (result != VK_SUCCESS) { // those before it are under way, which nobody would wait for
-            (void)vkQueueWaitIdle(queue_);
+            (void)vkQueueWaitIdle(taker);
             vk_check(result, "vkQueueSubmit");
         }
     }

@@ -54,7 +54,7 @@ inline bool has_float16(const DeviceInfo& info) {
     return info.float16 && info.storage16;
 }
 
-/// One logical device with one compute queue.
+/// One logical device with its compute queues.
 class Device {
 public:
     /// All devices, the default one marked: a discrete GPU, else an integrated or virtual one, else
@@ -79,7 +79,9 @@ public:
     [[nodiscard]] const DeviceInfo& info() const { return info_; }
     [[nodiscard]] Precision precision() const { return precision_; }
     [[nodiscard]] VkDevice handle() const { return device_; }
-    [[nodiscard]] VkQueue queue() const { return queue_; }
+    /// Queues that work can go to at once: 2 on a GPU whose compute family has them, else 1.
+    /// ECIR_QUEUES, 1 or 2, says otherwise; a device with fewer takes the work in turn then.
+    [[nodiscard]] uint32_t queues() const { return static_cast<uint32_t>(queues_.size()); }
     [[nodiscard]] uint32_t queue_family() const { return queue_family_; }
 
     /// The kernel `shader` (a file name in shaders/ without .comp) with its specialization
@@ -100,9 +102,9 @@ public:
 
     /// Runs command buffers in order, one submission each, and waits for the last. Where this
     /// throws none of them is under way.
-    void submit(std::span<const VkCommandBuffer> commands);
+    void submit(std::span<const VkCommandBuffer> commands, uint32_t queue = 0);
     /// The same without waiting: `fence`, which is not signalled yet, will be after the last.
-    void start(std::span<const VkCommandBuffer> commands, VkFence fence);
+    void start(std::span<const VkCommandBuffer> commands, VkFence fence, uint32_t queue = 0);
     /// Waits for what start() gave this fence, which can then be used again.
     void wait(VkFence fence);
     [[nodiscard]] Handle<VkFence> make_fence() const;
@@ -117,7 +119,7 @@ private:
     Precision precision_;
     VkPhysicalDeviceMemoryProperties memory_{};
     VkDevice device_ = VK_NULL_HANDLE;
-    VkQueue queue_ = VK_NULL_HANDLE;
+    std::vector<VkQueue> queues_;
     uint32_t queue_family_ = 0;
     Handle<VkFence> fence_;
     std::unique_ptr<KernelCache> kernels_;

@@ -168,16 +168,6 @@ void Program::plan() {
                         " has " + mebibytes(info.heap_bytes) +
                         "; use a smaller --size or fewer --frames, or another device (-g)");
     }
-    arena_ = Buffer(device_, arena_bytes_, Buffer::Place::device);
-}
-
-Program::Range Program::range(const Argument& argument) const {
-    if (argument.buffer != nullptr) {
-        return {argument.buffer->handle(), argument.offset, argument.buffer->size()};
-    }
-    const Tensor& tensor = argument.tensor;
-    const uint64_t begin = slots_[tensor.id()].offset + tensor.byte_offset();
-    return {arena_.handle(), begin, begin + tensor.bytes()};
 }
 
 void Program::compile_ahead() {
@@ -199,12 +189,13 @@ void Program::finish() {
     order();
     plan();
     compile_ahead();
-    make_descriptors();
-    staging_.push_back(make_staging());
+    staging_.push_back(make_staging(make_memory(), 0));
 }
 
-Program::Staging Program::make_staging() {
+Program::Staging Program::make_staging(std::shared_ptr<const Memory> memory, uint32_t queue) {
     Staging staging;
+    staging.memory = std::move(memory);
+    staging.queue = queue;
     staging.upload = Buffer(device_, std::max<uint64_t>(upload_bytes_, 4), Buffer::Place::upload);
     staging.readback =
         Buffer(device_, std::max<uint64_t>(readback_bytes_, 4), Buffer::Place::readback);
@@ -226,13 +217,20 @@ bool Program::reserve() {
             return true;
         }
     }
-    const uint64_t wanted =
-        arena_bytes_ + (staging_.size() + 1) * (upload_bytes_ + readback_bytes_);
-    if (staging_.size() == kMostStaging || wanted > device_.info().heap_bytes) {
+    return staging_.size() < kMostStaging && (add_staging(true) || add_staging(false));
+}
+
+bool Program::add_staging(bool apart) {
+    const uint64_t staging = (staging_.size() + 1) * (upload_bytes_ + readback_bytes_);
+    const uint64_t heap = device_.info().heap_bytes;
+    // A second arena may take no more of the memory than leaves as much for others.
+    if (apart ? device_.queues() < 2 || 2 * arena_bytes_ + staging > heap / 2
+              : arena_bytes_ + staging > heap) {
         return false;
     }
     try {
-        staging_.push_back(make_staging());
+        staging_.push_back(apart ? make_staging(make_memory(), 1)
+                                 : make_staging(staging_.front().memory, 0));
     } catch (const Error& error) {
         if (error.code() == ExitCode::resources) {
             return false; // it works without

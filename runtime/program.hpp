@@ -84,7 +84,9 @@ struct DispatchTime {
 ///
 /// Inputs and outputs go through staging memory. A second set of it, made when it is first needed,
 /// lets the host write the next run's inputs and read the last one's outputs while the device works
-/// on the one between; the arena is one for all, so the device takes the runs in turn.
+/// on the one between. On a device with a second queue that set has an arena of its own, so both
+/// runs go on at once: one fills the device where the other has too little work for it. Else the
+/// device takes the runs in turn.
 class Program {
 public:
     explicit Program(Device& device);
@@ -172,6 +174,13 @@ private:
         uint64_t begin;
         uint64_t end;
     };
+    /// What runs work on that cannot be under way at one time.
+    struct Memory {
+        Buffer arena;
+        Handle<VkDescriptorPool> pool;
+        std::vector<VkDescriptorSet> sets;          ///< by step
+        std::vector<std::vector<uint32_t>> dynamic; ///< uniform offsets by step
+    };
     struct Recording {
         Handle<VkCommandPool> pool;
         std::vector<VkCommandBuffer> commands;
@@ -179,6 +188,8 @@ private:
     struct Staging {
         Buffer upload;
         Buffer readback;
+        std::shared_ptr<const Memory> memory;
+        uint32_t queue = 0;
         Recording recording; ///< with copies from and to these buffers
         Handle<VkFence> fence;
     };
@@ -188,14 +199,17 @@ private:
     void order();
     void plan();
     void compile_ahead();
-    void make_descriptors();
-    Staging make_staging();
+    [[nodiscard]] std::shared_ptr<const Memory> make_memory() const;
+    /// Another set of staging, `apart` with memory and a queue of its own; false where the device
+    /// has none to give.
+    bool add_staging(bool apart);
+    Staging make_staging(std::shared_ptr<const Memory> memory, uint32_t queue);
     Recording record(const Staging& staging, VkQueryPool queries);
-    void record_step(VkCommandBuffer commands, size_t index);
-    [[nodiscard]] Range range(const Argument& argument) const;
+    void record_step(VkCommandBuffer commands, const Memory& memory, size_t index);
+    [[nodiscard]] Range range(const Memory& memory, const Argument& argument) const;
     /// What it touches in the arena.
     [[nodiscard]] static std::vector<Argument> tensors(const Step& step);
-    [[nodiscard]] uint64_t address(const Dispatch::Pointer& pointer) const;
+    [[nodiscard]] uint64_t address(const Memory& memory, const Dispatch::Pointer& pointer) const;
 
     Device& device_;
     std::vector<Slot> slots_;
@@ -207,10 +221,6 @@ private:
     uint64_t upload_bytes_ = 0;
     uint64_t readback_bytes_ = 0;
     size_t barriers_ = 0;
-    Buffer arena_;
-    Handle<VkDescriptorPool> descriptor_pool_;
-    std::vector<VkDescriptorSet> sets_;          ///< by step
-    std::vector<std::vector<uint32_t>> dynamic_; ///< dynamic uniform offsets by step
     std::vector<Staging> staging_;
     std::vector<size_t> running_; ///< sets of staging whose runs are submitted, oldest first
     size_t written_ = 0;          ///< the set that write() fills

@@ -1,12 +1,11 @@
 #include "runtime/program.hpp"
 
 #include <algorithm>
-#include <map>
 
 #include "runtime/compile_ahead.hpp"
 #include "runtime/error.hpp"
 
-// How a program becomes command buffers: descriptors, barriers, submissions, timestamps.
+// How a program becomes command buffers: barriers, submissions, timestamps.
 
 namespace ecir {
 namespace {
@@ -45,132 +44,24 @@ void host_barrier(VkCommandBuffer commands) {
 
 } // namespace
 
-uint64_t Program::address(const Dispatch::Pointer& pointer) const {
-    const Range target = range(pointer.argument);
-    const uint64_t base =
-        pointer.argument.buffer != nullptr ? pointer.argument.buffer->address() : arena_.address();
-    return base + target.begin + pointer.byte_offset;
-}
-
-void Program::make_descriptors() {
-    const DeviceInfo& info = device_.info();
-    struct Set {
-        const Kernel* kernel;
-        std::vector<VkDescriptorBufferInfo> buffers;
-    };
-    std::vector<Set> wanted;
-    std::map<std::vector<uint64_t>, size_t> known;
-    std::vector<size_t> set_of_step(steps_.size(), SIZE_MAX);
-    dynamic_.assign(steps_.size(), {});
-    for (size_t index = 0; index < steps_.size(); ++index) {
-        const Dispatch& dispatch = steps_[index].dispatch;
-        if (steps_[index].clear || dispatch.arguments.empty()) {
-            continue;
-        }
-        const auto& bindings = dispatch.kernel->reflection().bindings;
-        Set set{dispatch.kernel, {}};
-        std::vector<uint64_t> key{reinterpret_cast<uint64_t>(dispatch.kernel)};
-        for (size_t i = 0; i < bindings.size(); ++i) {
-            const Argument& argument = dispatch.arguments.at(i);
-            Range bound = range(argument);
-            if (bindings[i].uniform) {
-                dynamic_[index].push_back(static_cast<uint32_t>(argument.offset));
-                bound.begin = 0;
-                bound.end = std::min<uint64_t>(argument.buffer->size(), info.max_uniform_range);
-            } else {
-                bound.begin = bound.begin / kBindingAlignment * kBindingAlignment;
-                if (bound.end - bound.begin > info.max_storage_range) {
-                    throw Error(ExitCode::resources,
-                                "kernel " + dispatch.kernel->name() + " binds a tensor of " +
-                                    mebibytes(bound.end - bound.begin) + ", but " + info.name +
-                                    " binds at most " + mebibytes(info.max_storage_range) +
-                                    "; use a smaller --size or fewer --frames");
-                }
-            }
-            set.buffers.push_back({bound.buffer, bound.begin, bound.end - bound.begin});
-            key.insert(key.end(),
-                       {reinterpret_cast<uint64_t>(bound.buffer), bound.begin, bound.end});
-        }
-        const auto [found, fresh] = known.try_emplace(std::move(key), wanted.size());
-        set_of_step[index] = found->second;
-        if (fresh) {
-            wanted.push_back(std::move(set));
-        }
-    }
-
-    uint32_t storage = 1;
-    uint32_t uniform = 1;
-    for (const Set& set : wanted) {
-        for (const auto& binding : set.kernel->reflection().bindings) {
-            (binding.uniform ? uniform : storage) += 1;
-        }
-    }
-    const std::array<VkDescriptorPoolSize, 2> sizes = {
-        VkDescriptorPoolSize{VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, storage},
-        VkDescriptorPoolSize{VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER_DYNAMIC, uniform}};
-    VkDescriptorPoolCreateInfo pool_info{};
-    pool_info.sType = VK_STRUCTURE_TYPE_DESCRIPTOR_POOL_CREATE_INFO;
-    pool_info.maxSets = static_cast<uint32_t>(std::max<size_t>(wanted.size(), 1));
-    pool_info.poolSizeCount = static_cast<uint32_t>(sizes.size());
-    pool_info.pPoolSizes = sizes.data();
-    VkDescriptorPool pool = VK_NULL_HANDLE;
-    vk_check(vkCreateDescriptorPool(device_.handle(), &pool_info, nullptr, &pool),
-             "vkCreateDescriptorPool");
-    descriptor_pool_ = Handle<VkDescriptorPool>(pool, device_.handle(), vkDestroyDescriptorPool);
-
-    std::vector<VkDescriptorSet> made;
-    for (const Set& set : wanted) {
-        VkDescriptorSetAllocateInfo allocate{};
-        allocate.sType = VK_STRUCTURE_TYPE_DESCRIPTOR_SET_ALLOCATE_INFO;
-        allocate.descriptorPool = pool;
-        allocate.descriptorSetCount = 1;
-        const VkDescriptorSetLayout layout = set.kernel->set_layout();
-        allocate.pSetLayouts = &layout;
-        VkDescriptorSet handle = VK_NULL_HANDLE;
-        vk_check(vkAllocateDescriptorSets(device_.handle(), &allocate, &handle),
-                 "vkAllocateDescriptorSets");
-        std::vector<VkWriteDescriptorSet> writes;
-        for (uint32_t i = 0; i < set.buffers.size(); ++i) {
-            VkWriteDescriptorSet one{};
-            one.sType = VK_STRUCTURE_TYPE_WRITE_DESCRIPTOR_SET;
-            one.dstSet = handle;
-            one.dstBinding = i;
-            one.descriptorCount = 1;
-            one.descriptorType = set.kernel->reflection().bindings[i].uniform
-                                     ? VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER_DYNAMIC
-                                     : VK_DESCRIPTOR_TYPE_STORAGE_BUFFER;
-            one.pBufferInfo = &set.buffers[i];
-            writes.push_back(one);
-        }
-        vkUpdateDescriptorSets(device_.handle(), static_cast<uint32_t>(writes.size()),
-                               writes.data(), 0, nullptr);
-        made.push_back(handle);
-    }
-    sets_.assign(steps_.size(), VK_NULL_HANDLE);
-    for (size_t index = 0; index < steps_.size(); ++index) {
-        if (set_of_step[index] != SIZE_MAX) {
-            sets_[index] = made[set_of_step[index]];
-        }
-    }
-}
-
-void Program::record_step(VkCommandBuffer commands, size_t index) {
+void Program::record_step(VkCommandBuffer commands, const Memory& memory, size_t index) {
     const Step& step = steps_[index];
     if (step.clear) {
-        const Range target = range(step.dispatch.arguments.front());
+        const Range target = range(memory, step.dispatch.arguments.front());
         vkCmdFillBuffer(commands, target.buffer, target.begin, target.end - target.begin, 0);
         return;
     }
     const Dispatch& dispatch = step.dispatch;
     vkCmdBindPipeline(commands, VK_PIPELINE_BIND_POINT_COMPUTE, dispatch.kernel->pipeline());
-    if (sets_[index] != VK_NULL_HANDLE) {
+    if (memory.sets[index] != VK_NULL_HANDLE) {
         vkCmdBindDescriptorSets(commands, VK_PIPELINE_BIND_POINT_COMPUTE, dispatch.kernel->layout(),
-                                0, 1, &sets_[index], static_cast<uint32_t>(dynamic_[index].size()),
-                                dynamic_[index].data());
+                                0, 1, &memory.sets[index],
+                                static_cast<uint32_t>(memory.dynamic[index].size()),
+                                memory.dynamic[index].data());
     }
     std::vector<std::byte> push = dispatch.push;
     for (const auto& pointer : dispatch.pointers) {
-        const uint64_t target = address(pointer);
+        const uint64_t target = address(memory, pointer);
         std::memcpy(push.data() + pointer.push_offset, &target, sizeof(target));
     }
     if (!push.empty()) {
@@ -178,7 +69,8 @@ void Program::record_step(VkCommandBuffer commands, size_t index) {
                            static_cast<uint32_t>(push.size()), push.data());
     }
     if (step.launch) {
-        vkCmdDispatchIndirect(commands, arena_.handle(), range(ecir::read(*step.launch)).begin);
+        vkCmdDispatchIndirect(commands, memory.arena.handle(),
+                              range(memory, ecir::read(*step.launch)).begin);
         return;
     }
     vkCmdDispatch(commands, dispatch.groups[0], dispatch.groups[1], dispatch.groups[2]);
@@ -210,6 +102,7 @@ Program::Recording Program::record(const Staging& staging, VkQueryPool queries) 
         seconds = 0;
     };
 
+    const Memory& memory = *staging.memory;
     begin();
     if (queries != VK_NULL_HANDLE) {
         vkCmdResetQueryPool(commands, queries, 0, static_cast<uint32_t>(steps_.size()) + 1);
@@ -219,7 +112,7 @@ Program::Recording Program::record(const Staging& staging, VkQueryPool queries) 
     for (const Slot& slot : slots_) {
         if (slot.kind == Kind::input) {
             const VkBufferCopy copy{slot.staging_offset, slot.offset, slot.bytes};
-            vkCmdCopyBuffer(commands, staging.upload.handle(), arena_.handle(), 1, &copy);
+            vkCmdCopyBuffer(commands, staging.upload.handle(), memory.arena.handle(), 1, &copy);
             barriers_ = 1;
         }
     }
@@ -240,7 +133,7 @@ Program::Recording Program::record(const Staging& staging, VkQueryPool queries) 
             begin();
         }
         seconds += cost;
-        record_step(commands, index);
+        record_step(commands, memory, index);
         if (queries != VK_NULL_HANDLE) {
             vkCmdWriteTimestamp(commands, VK_PIPELINE_STAGE_BOTTOM_OF_PIPE_BIT, queries,
                                 static_cast<uint32_t>(index) + 1);
@@ -250,7 +143,7 @@ Program::Recording Program::record(const Staging& staging, VkQueryPool queries) 
     for (const Slot& slot : slots_) {
         if (slot.kind == Kind::output) {
             const VkBufferCopy copy{slot.offset, slot.staging_offset, slot.bytes};
-            vkCmdCopyBuffer(commands, arena_.handle(), staging.readback.handle(), 1, &copy);
+            vkCmdCopyBuffer(commands, memory.arena.handle(), staging.readback.handle(), 1, &copy);
         }
     }
     host_barrier(commands);
@@ -273,7 +166,7 @@ void Program::submit() {
         throw Error(ExitCode::device, "program: submitted before a run under way was waited for");
     }
     const Staging& staging = staging_.at(written_);
-    device_.start(staging.recording.commands, staging.fence.get());
+    device_.start(staging.recording.commands, staging.fence.get(), staging.queue);
     running_.push_back(written_);
 }
 
@@ -308,7 +201,7 @@ std::vector<DispatchTime> Program::profile() {
     vk_check(vkCreateQueryPool(device_.handle(), &info, nullptr, &pool), "vkCreateQueryPool");
     const Handle<VkQueryPool> queries(pool, device_.handle(), vkDestroyQueryPool);
     const Recording timed = record(staging_.at(read_), pool);
-    device_.submit(timed.commands);
+    device_.submit(timed.commands, staging_.at(read_).queue);
     std::vector<uint64_t> ticks(count);
     vk_check(vkGetQueryPoolResults(device_.handle(), pool, 0, count, ticks.size() * 8, ticks.data(),
                                    8, VK_QUERY_RESULT_64_BIT | VK_QUERY_RESULT_WAIT_BIT),

@@ -115,6 +115,7 @@ TEST_SUITE("fusion") {
         CHECK(std::ranges::equal(frames.first(pixels), frames.last(pixels)));
 
         std::vector<double> many; // more than images_at_once() of this size; far from all exposure
+        many.reserve(20);
         for (int i = 0; i < 20; ++i) {
             many.push_back(fixture.times[1] + 0.01 * i);
         }

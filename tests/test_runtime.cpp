@@ -226,37 +226,46 @@ TEST_SUITE("runtime") {
     }
 
     TEST_CASE("two runs under way keep their inputs and outputs apart") {
-        const auto device = Device::open();
-        Program program(*device);
-        const Layout plane{1, 64, 64};
-        const Tensor in = program.input(plane);
-        Tensor last = in;
-        for (int i = 0; i < 4; ++i) {
-            const Tensor next = i < 3 ? program.temporary(plane) : program.output(plane);
-            add_copy(program, last, next);
-            last = next;
-        }
-        program.finish();
-        CaseRandom random(6);
-        std::vector<std::vector<float>> values;
-        for (size_t run = 0; run < 7; ++run) {
-            values.push_back(random.values(64 * 64, -1, 1));
-            REQUIRE(program.reserve());
-            program.write(in, values[run]);
-            program.submit();
-            if (run > 0) {
-                CHECK(!program.reserve());
-                CHECK_THROWS_AS(program.write(in, values[run]), Error);
-                CHECK_THROWS_AS(program.submit(), Error);
-                program.wait();
-                CHECK(std::ranges::equal(program.read(last), values[run - 1]));
+        const auto runs_apart = [](Device& opened) {
+            Program program(opened);
+            const Layout plane{1, 64, 64};
+            const Tensor in = program.input(plane);
+            Tensor last = in;
+            for (int i = 0; i < 4; ++i) {
+                const Tensor next = i < 3 ? program.temporary(plane) : program.output(plane);
+                add_copy(program, last, next);
+                last = next;
             }
-        }
-        program.wait();
-        CHECK(std::ranges::equal(program.read(last), values[6]));
-        CHECK_THROWS_AS(program.wait(), Error);
-        program.write(in, values[0]);
-        program.submit(); // what nobody waits for ends before the program does
+            program.finish();
+            CaseRandom random(6);
+            std::vector<std::vector<float>> values;
+            for (size_t run = 0; run < 7; ++run) {
+                values.push_back(random.values(64 * 64, -1, 1));
+                REQUIRE(program.reserve());
+                program.write(in, values[run]);
+                program.submit();
+                if (run > 0) {
+                    CHECK(!program.reserve());
+                    CHECK_THROWS_AS(program.write(in, values[run]), Error);
+                    CHECK_THROWS_AS(program.submit(), Error);
+                    program.wait();
+                    CHECK(std::ranges::equal(program.read(last), values[run - 1]));
+                }
+            }
+            program.wait();
+            CHECK(std::ranges::equal(program.read(last), values[6]));
+            CHECK_THROWS_AS(program.wait(), Error);
+            program.write(in, values[0]);
+            program.submit(); // what nobody waits for ends before the program does
+        };
+        runs_apart(*Device::open());
+        ::setenv("ECIR_QUEUES", "2", 1); // with an arena each, where this device has one queue too
+        const auto device = Device::open();
+        CHECK(device->queues() == 2);
+        runs_apart(*device);
+        ::setenv("ECIR_QUEUES", "many", 1);
+        CHECK_THROWS_WITH_AS(Device::open(), doctest::Contains("ECIR_QUEUES is many"), Error);
+        ::unsetenv("ECIR_QUEUES");
     }
 
     TEST_CASE("what depends on a flag runs where it is set, from run to run") {
