@@ -229,6 +229,8 @@ void add_bench(CLI::App& app) {
         "  ms        median over 20 runs and 0.3 s (5 runs and 3 s of what is slow); of an\n"
         "            operation by the device's timestamps, of a model from an image and 100,000\n"
         "            events in host memory to frames in host memory\n"
+        "  stream    the same of a model where one blurry frame after the other comes: the next\n"
+        "            one begins before one is finished\n"
         "  spread    from the first quartile of the runs to the third\n"
         "  share     of the roof, by arithmetic or by memory, whichever is larger; the roof is\n"
         "            the best of a multiply-add kernel and of a copy kernel in the same run; what\n"

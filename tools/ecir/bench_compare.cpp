@@ -10,6 +10,7 @@
 namespace ecir::cli {
 namespace {
 
+constexpr const char* kStream = ", in a stream";
 constexpr double kSlower = 1.1; ///< ratio that runs of one program reach on one machine
 
 std::string describe(const OperationRow& row) {
@@ -41,8 +42,13 @@ OldReport::OldReport(std::filesystem::path path) : path_(std::move(path)) {
             add(row, row.at("name").get<std::string>() + " " + row.at("shape").get<std::string>());
         }
         for (const auto& row : json.at("models")) {
-            add(row, model_text(row.at("name"), row.at("size"), row.at("frames"), row.at("refine"),
-                                row.value("precision", "float32"))); // older reports know no other
+            const std::string what =
+                model_text(row.at("name"), row.at("size"), row.at("frames"), row.at("refine"),
+                           row.value("precision", "float32")); // older reports know no other
+            add(row, what);
+            if (row.contains("stream")) { // nor streams
+                add(row["stream"], what + kStream);
+            }
         }
     } catch (const nlohmann::json::exception& error) {
         throw Error(ExitCode::bad_input,
@@ -70,7 +76,10 @@ std::vector<ComparedRow> OldReport::compare(const BenchReport& report) const {
     }
     for (const ModelRow& row : report.models) {
         if (row.ok) {
-            add(model_text(row.name, row.size, row.frames, row.refine, row.precision), row.time);
+            const std::string what =
+                model_text(row.name, row.size, row.frames, row.refine, row.precision);
+            add(what, row.time);
+            add(what + kStream, row.stream);
         }
     }
     if (result.empty()) {

@@ -32,6 +32,9 @@ class ModelRun {
 public:
     ModelRun(const std::shared_ptr<Device>& device, const ModelCase& work);
     std::vector<float> operator()();
+    /// The same in the two halves of Deblur.
+    void begin();
+    std::vector<float> finish() { return deblur_.finish(); }
 
 private:
     BenchScene scene_;
@@ -39,7 +42,8 @@ private:
     std::vector<double> times_;
 };
 
-/// Runs the model twice and compares, then times it in its steady state.
+/// Runs the model twice and compares, then times it in its steady state: each frame by itself, and
+/// in a stream, where the next one has begun before one is finished.
 ModelRow bench_model(const std::shared_ptr<Device>& device, const ModelCase& work);
 
 /// Start-up by runs of this program in a folder of their own, with caches of their own (those of

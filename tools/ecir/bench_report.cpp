@@ -15,18 +15,18 @@ Json number(double value) {
     return std::isfinite(value) ? Json(value) : Json(nullptr);
 }
 
-void add_timing(Json& json, const Timing& time) {
-    json["ms"] = time.median_ms;
-    json["spread_ms"] = time.spread_ms();
-    json["quartiles_ms"] = {time.first_quartile_ms, time.third_quartile_ms};
-    json["runs"] = time.runs;
+Json to_json(const Timing& time) {
+    return {{"ms", time.median_ms},
+            {"spread_ms", time.spread_ms()},
+            {"quartiles_ms", {time.first_quartile_ms, time.third_quartile_ms}},
+            {"runs", time.runs}};
 }
 
 Json to_json(const OperationRow& row) {
     Json json = {{"name", row.name}, {"shape", row.shape}, {"ok", row.ok}};
     json["error"] = number(row.error);
     if (row.ok) {
-        add_timing(json, row.time);
+        json.update(to_json(row.time));
         json["gflops"] = row.gflops;
         json["gbs"] = row.gbs;
         json["share"] = row.share;
@@ -38,7 +38,8 @@ Json to_json(const ModelRow& row) {
     Json json = {{"name", row.name},     {"size", row.size},           {"frames", row.frames},
                  {"refine", row.refine}, {"precision", row.precision}, {"ok", row.ok}};
     if (row.ok) {
-        add_timing(json, row.time);
+        json.update(to_json(row.time));
+        json["stream"] = to_json(row.stream);
     }
     if (row.start) {
         json["first_run_s"] = row.start->first_run_s;
@@ -104,13 +105,14 @@ void print_operations(const std::vector<OperationRow>& rows) {
 }
 
 void print_models(const std::vector<ModelRow>& rows) {
-    std::printf("\n%-16s %-9s %6s %6s %9s %9s %8s\n", "model", "size", "frames", "refine",
-                "precision", "ms", "spread");
+    std::printf("\n%-16s %-9s %6s %6s %9s %9s %8s %9s %8s\n", "model", "size", "frames", "refine",
+                "precision", "ms", "spread", "stream", "spread");
     for (const ModelRow& row : rows) {
         std::printf("%-16s %-9s %6u %6u %9s ", row.name.c_str(), row.size.c_str(), row.frames,
                     row.refine, row.precision.c_str());
         if (row.ok) {
-            std::printf("%9.2f %8.2f\n", row.time.median_ms, row.time.spread_ms());
+            std::printf("%9.2f %8.2f %9.2f %8.2f\n", row.time.median_ms, row.time.spread_ms(),
+                        row.stream.median_ms, row.stream.spread_ms());
         } else {
             std::printf("FAILED: not finite, or not the same from run to run\n");
         }

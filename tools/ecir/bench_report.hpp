@@ -39,7 +39,8 @@ struct ModelRow {
     uint32_t refine = 0;
     std::string precision;
     bool ok = false; ///< every value finite, the same from run to run; else nothing was timed
-    Timing time;
+    Timing time;     ///< of a frame by itself
+    Timing stream;   ///< from one frame to the next in a stream
     std::optional<StartTimes> start;
 };
 
